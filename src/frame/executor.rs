@@ -67,7 +67,7 @@ pub(super) fn run_passes(
     };
     let steps = key.frame.steps(iterations);
     let rays = steps.iter().map(|step| state.rays_of(step)).sum();
-    let limit = u64::from(state.settings.research.rays_per_dispatch);
+    let limit = u64::from(state.rays_per_dispatch);
     let mut recorder = Recorder::begin(&mut context, (&*device, &*queue), &mut pending, rays, limit);
     state.counters.begin_frame(run.0, recorder.encoder());
     if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {
@@ -87,7 +87,7 @@ pub(super) fn run_passes(
                 match state.bands.as_ref().filter(|_| rays > limit) {
                     Some(bands) => {
                         let group_of = |band| state.bind_group_of_band(bands, band, &device, &pipelines);
-                        compute.record_bands(bands, group_of, &mut recorder);
+                        compute.record_bands(bands, rays, group_of, &mut recorder);
                     }
                     None => compute.record(rays, &mut recorder),
                 }
@@ -132,19 +132,25 @@ impl Compute<'_> {
         }
     }
 
-    /// Records the pass over one band after another, each in a submission of its own.  `group_of`: the group of the view for a band.
-    fn record_bands(&self, bands: &Bands, group_of: impl Fn(u32) -> BindGroup, recorder: &mut Recorder) {
+    /// Records the pass over one band after another, or a few at once, each dispatch in a submission of its own.  `group_of`: the group of the
+    /// view for a band.
+    fn record_bands(&self, bands: &Bands, rays: u64, group_of: impl Fn(u32) -> BindGroup, recorder: &mut Recorder) {
         recorder.submit();
         self.empty_queue(recorder);
         let name = self.step.name;
         let diagnostics = recorder.diagnostics();
         let span = diagnostics.as_deref().map(|d| d.time_span(recorder.encoder(), format!("{SPAN_PREFIX}{name}")));
-        for band in 0..bands.count() {
+        let together = match self.pass.dispatch {
+            // The uniforms of a band say how many entries of the queue are its own.
+            Dispatch::ReplayQueue => 1,
+            _ => bands.division.together(rays, self.state.rays_per_dispatch),
+        };
+        for (band, rows) in bands.division.dispatches(together) {
             if band > 0 {
                 recorder.submit();
             }
             let workgroups = match self.workgroups() {
-                Workgroups::Direct([x, _]) => Workgroups::Direct([x, bands.workgroups(band)]),
+                Workgroups::Direct([x, _]) => Workgroups::Direct([x, rows]),
                 indirect => indirect,
             };
             self.dispatch(&group_of(band), workgroups, &mut self.begin(recorder));

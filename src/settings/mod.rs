@@ -240,7 +240,7 @@ impl Restir {
         settings.firefly_limit = 0.0;
         settings.denoiser = Denoiser::OFF;
         settings.research.replay_compaction = true;
-        settings.research.rays_per_dispatch = 1;
+        settings.research.rays_per_dispatch = 0;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.history_key();
         }

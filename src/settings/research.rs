@@ -63,9 +63,10 @@ pub struct Research {
     pub replay_compaction: bool,
     /// Rays that a pass traces in one dispatch, and the passes of one submission to the GPU together, by an upper estimate from the
     /// settings: a longer pass runs over bands of the picture, and a longer frame has several submissions.  A driver that resets a GPU which
-    /// is busy for seconds then does not.  Smaller values are safer on slow devices, and cost about 0.05 ms of CPU time for each submission
-    /// and a little time at the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.
-    /// From 1; default 2^25, with which a frame of 1920 x 1080 pixels has about 10 submissions.
+    /// is busy for seconds then does not.  Smaller values are safer on slow devices, and cost CPU time for each submission and a little GPU
+    /// time at the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.  Default 0: by
+    /// the device, 2^26 on a graphics card (5 submissions in a frame of the default settings with 1920 x 1080 pixels), 2^23 on a GPU without
+    /// memory of its own (about 35) and without a limit on a CPU.
     pub rays_per_dispatch: u32,
 }
 
@@ -77,7 +78,7 @@ impl Default for Research {
             target_without_bsdf: false,
             russian_roulette: true,
             replay_compaction: true,
-            rays_per_dispatch: 1 << 25,
+            rays_per_dispatch: 0,
         }
     }
 }
@@ -87,6 +88,5 @@ impl Research {
     pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "research.", report };
         ranges.count("light_tile_size", &mut self.light_tile_size, 1, 16);
-        ranges.count("rays_per_dispatch", &mut self.rays_per_dispatch, 1, u32::MAX);
     }
 }

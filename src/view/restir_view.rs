@@ -52,6 +52,8 @@ pub(crate) struct RestirView {
     /// Bit of the camera's render layers ([`LayerSets`](crate::scene::geometry::render_layers::LayerSets)).
     pub layers: u32,
     pub uniforms: Buffer,
+    /// Rays of a dispatch and of a submission in this frame, if possible.
+    pub rays_per_dispatch: u32,
     /// The bands of the picture, if a pass of this frame runs over them.
     pub bands: Option<Bands>,
     /// The visibility buffer of this frame.
@@ -182,6 +184,7 @@ impl RestirView {
             bind_groups: BindGroups::default(),
             visible: VisibleDraws::default(),
             uniforms,
+            rays_per_dispatch: u32::MAX,
             bands: None,
             visibility: visibility_buffer(device, "visibility", size),
             counts,

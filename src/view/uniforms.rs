@@ -90,6 +90,8 @@ pub(super) struct UniformInputs<'a> {
     pub bevy_jitter: Option<&'a TemporalJitter>,
     pub scene: &'a SceneBindings,
     pub environments: &'a EnvironmentPool,
+    /// Rays of a dispatch where the settings leave it to the device.
+    pub rays_per_dispatch: u32,
 }
 
 impl UniformInputs<'_> {
@@ -174,7 +176,7 @@ impl RestirView {
             first_pixel: [0; 2],
         };
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
-        self.update_bands(&uniforms, device, queue);
+        self.update_bands(&uniforms, inputs.rays_per_dispatch, device, queue);
         self.previous_camera = Some(current);
         self.previous_environment = Some(environment);
         self.has_last_jitter = jitter == self.previous_jitter;

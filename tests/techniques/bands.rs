@@ -42,9 +42,9 @@ fn check(make: impl FnOnce(&mut Rig), techniques: &[(Technique, u32)]) {
         let (whole, rays, bytes) = picture(&mut rig, technique, u32::MAX);
         assert_eq!(bytes, 0, "{technique:?}");
         assert!(rays > 0, "{technique:?}");
-        // One row of workgroups a band; then two, and several passes in a submission.
-        let rays_of_two_rows = rays_of_pixel * SIZE[0] * 16;
-        for (limit, bands) in [(1, 4), (rays_of_two_rows, 2)] {
+        // One row of workgroups a band; then shorter passes take several bands at once; then two rows a band, and several passes in a submission.
+        let of_row = rays_of_pixel * SIZE[0] * 8;
+        for (limit, bands) in [(1, 4), (of_row, 4), (2 * of_row, 2)] {
             let (split, rays_of_split, bytes) = picture(&mut rig, technique, limit);
             assert_eq!(bytes, bands * BYTES_OF_BAND, "{technique:?}, at most {limit} rays");
             let differing = whole.iter().zip(&split).filter(|(a, b)| a != b).count();
