@@ -3,7 +3,7 @@
 use super::mirror::feature_steps;
 use crate::support::{app::*, images::texture, picture::Picture};
 use bevy::{light::SunDisk, prelude::*};
-use bevy_restir::{Denoiser, Restir, RestirExpected, Subsurface, Technique};
+use bevy_restir::{Denoiser, RestirExpected, Subsurface, Technique};
 
 const EVERYTHING: RestirExpected = RestirExpected {
     emissive_meshes: true,
@@ -98,7 +98,7 @@ fn nothing_is_compiled_for_what_is_expected() {
     let (a, b) = (plain.mean(), prepared.mean());
     assert!((a - b).abs() < 1e-3 * a, "{a} and {b}");
     let before = rig.report();
-    let mut same = |rig: &mut Rig, name: &str| {
+    let same = |rig: &mut Rig, name: &str| {
         let report = rig.until_ready();
         assert_eq!(report.pipelines.len(), before.pipelines.len(), "{name}");
         assert_eq!(report.features, before.features, "{name}");

@@ -20,7 +20,7 @@ fn bands_scene(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
 }
 
 /// The third frame, its number of rays, and the bytes of the uniforms of bands.
-fn picture(rig: &mut Rig, technique: Technique, rays_per_dispatch: u32) -> (Vec<Vec3>, u64, u64) {
+fn picture(rig: &mut Rig, technique: Technique, rays_per_dispatch: u32) -> (Vec<[f32; 3]>, u64, u64) {
     let research = Research { rays_per_dispatch, ..default() };
     rig.set(|r| *r = Restir { technique, bounces: 3, research, ..default() });
     let pixels = rig.picture(3).pixels;
