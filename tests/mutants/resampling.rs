@@ -235,7 +235,7 @@ pub const MUTANTS: &[Mutant] = &[
         "pass/pair_shifts.wgsl",
         "var entry = first + id.x",
         "var entry = id.x",
-        &["bands_change_no_pixel_of_paths_and_light_paths"],
+        &["bands_change_no_pixel_of_translucent_objects"],
     ),
     // The resampling routine.
     mutant(

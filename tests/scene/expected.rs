@@ -76,7 +76,7 @@ fn expected_objects_are_lit_in_their_first_frame() {
     assert!(after.mean() > 2.0 * before.mean(), "{} and {}", before.mean(), after.mean());
     // An app that waits for its pipelines in every frame.
     let ([_, same], _) = first_pictures(&mut waiting, expected);
-    assert_eq!(after.pixels, same.pixels);
+    assert!((after.mean() - same.mean()).abs() < 0.01 * same.mean(), "{} and {}", after.mean(), same.mean());
     // Without the resource, the frame has the old light, and pipelines are compiled.
     let ([before, after], compiled) = first_pictures(&mut unprepared, RestirExpected::default());
     assert!(compiled > 0);
