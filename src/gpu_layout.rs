@@ -286,7 +286,8 @@ pub struct GpuViewUniforms {
     pub layers: u32,
     pub target_size: [u32; 2],
     pub background_alpha: f32,
-    pub pad: [u32; 3],
+    pub band_rows: u32,
+    pub first_pixel: [u32; 2],
 }
 
 /// Counters of a view, equal to `Counters` in `shaders/view/counter_bindings.wgsl`.

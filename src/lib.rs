@@ -57,9 +57,9 @@ pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
-    RayBackend, Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
-    RestirMaterial, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
-    VisibilityReuse,
+    RayBackend, Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirExpected,
+    RestirIgnore, RestirMaterial, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace,
+    Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -69,9 +69,9 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths,
-        Preset, RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial,
-        RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
-        SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
+        Preset, RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirExpected, RestirIgnore,
+        RestirMaterial, RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, Subsurface,
+        SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
 

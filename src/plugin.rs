@@ -23,8 +23,8 @@ use crate::{
     report::{self, RestirStatistics},
     scene,
     settings::{
-        EmissiveLuminance, RayBackend, Reduction, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
-        RestirMaterial, Subsurface,
+        EmissiveLuminance, RayBackend, Reduction, Restir, RestirBudget, RestirEnvironment, RestirExpected,
+        RestirIgnore, RestirMaterial, Subsurface,
     },
     shader_library::ShaderLibrary,
     system_sets::RestirSystems,
@@ -63,6 +63,7 @@ impl Plugin for RestirPlugin {
         app.register_type::<Restir>()
             .register_type::<RestirBudget>()
             .register_type::<RestirEnvironment>()
+            .register_type::<RestirExpected>()
             .register_type::<RestirIgnore>()
             .register_type::<RestirMaterial>()
             .register_type::<Subsurface>()
@@ -70,6 +71,7 @@ impl Plugin for RestirPlugin {
             .register_type::<RestirStatus>()
             .init_resource::<Reduction>()
             .init_resource::<EmissiveLuminance>()
+            .init_resource::<RestirExpected>()
             .init_resource::<RestirStatus>()
             .init_resource::<RestirStatistics>();
     }

@@ -26,7 +26,7 @@ struct Image {
 
 @compute @workgroup_size(8, 8)
 fn denoiser_images(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = id.xy;
+    let pixel = id.xy + view.first_pixel;
     if any(pixel >= view.size) {
         return;
     }

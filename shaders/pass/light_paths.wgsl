@@ -19,14 +19,15 @@
 
 @compute @workgroup_size(8, 8)
 fn light_paths(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= view.size) {
+    let pixel = id.xy + view.first_pixel;
+    if any(pixel >= view.size) {
         return;
     }
     let pixels = view.size.x * view.size.y;
-    for (var path = pixel_index(id.xy); path < settings.light_paths; path += pixels) {
+    for (var path = pixel_index(pixel); path < settings.light_paths; path += pixels) {
         trace(path);
     }
-    count_rays(id.xy);
+    count_rays(pixel);
 }
 
 // The splats of a sub-path beyond the first SPLATS_OF_A_PATH - 1, resampled into one in proportion to luminance.

@@ -56,7 +56,10 @@ fn store_shift(pixel: vec2<u32>, r: Receiver, pair: Pair, s: Reservoir) {
 fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>) {
     // `num_workgroups` is 0 in indirect dispatches of some Direct3D devices.
     let stride = queue[0u] * QUEUE_THREADS;
-    for (var entry = id.x; entry < queue[QUEUE_COUNT]; entry += stride) {
+    // A band does as many entries as it has pixels.
+    let first = view.first_pixel.y * view.size.x;
+    let end = min(queue[QUEUE_COUNT], first + view.band_rows * view.size.x);
+    for (var entry = first + id.x; entry < end; entry += stride) {
         let coordinates = queue[QUEUE_HEADER + 2u * entry];
         let pixel = vec2<u32>(coordinates & ((1u << COORDINATE_BITS) - 1u), coordinates >> COORDINATE_BITS);
         let r = receiver_of(textureLoad(visibility, pixel, 0).xy, pixel, false);
@@ -78,7 +81,7 @@ fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>) {
 #else
 @compute @workgroup_size(8, 8)
 fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let pixel = id.xy;
+    let pixel = id.xy + view.first_pixel;
     var deferred = 0u;
     if all(pixel < view.size) {
         let ids = textureLoad(visibility, pixel, 0).xy;

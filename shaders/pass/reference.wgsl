@@ -21,7 +21,7 @@
 
 @compute @workgroup_size(8, 8)
 fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = id.xy;
+    let pixel = id.xy + view.first_pixel;
     if any(pixel >= view.size) {
         return;
     }

@@ -418,7 +418,7 @@ fn store_nothing(pixel: vec2<u32>, index: u32) {
 
 @compute @workgroup_size(8, 8)
 fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = id.xy;
+    let pixel = id.xy + view.first_pixel;
     if any(pixel >= view.size) {
         return;
     }

@@ -33,4 +33,6 @@ struct ViewUniforms {
     layers: u32,                        // bit of the camera's set of render layers
     target_size: vec2<u32>,             // of the viewport, pixels; at least `size`
     background_alpha: f32,              // of pixels without a surface if the camera does not see the environment
+    band_rows: u32,                     // rows of pixels of the band that the pass runs over; those of the picture if it runs over all of it
+    first_pixel: vec2<u32>,             // of this band
 }

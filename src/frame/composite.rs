@@ -7,13 +7,13 @@ use bevy::{
     render::{
         diagnostic::RecordDiagnostics,
         render_resource::{binding_types::*, *},
-        renderer::{RenderContext, RenderDevice},
+        renderer::RenderDevice,
         view::{ViewDepthTexture, ViewTarget},
     },
     shader::Shader,
 };
 
-use super::{SPAN_PREFIX, pipelines::PassPipelines};
+use super::{SPAN_PREFIX, pipelines::PassPipelines, recorder::Recorder};
 use crate::{
     scene::{SceneFeatures, bindings::scene_layout},
     view::{DEPTH_FORMAT, RestirView, bind_groups::Bound, raster_view_layout, selection::CompositeKey},
@@ -68,7 +68,7 @@ pub(super) fn draw(
     passes: &PassPipelines,
     pipelines: &PipelineCache,
     device: &RenderDevice,
-    context: &mut RenderContext,
+    recorder: &mut Recorder,
 ) {
     let Some(key) = view.composite else { return };
     let Some(pipeline) = passes.composite(key, pipelines) else { return };
@@ -89,11 +89,11 @@ pub(super) fn draw(
         let Some(motion) = prepass.and_then(|textures| textures.motion_vectors.as_ref()) else { return };
         attachments.push(Some(motion.get_attachment()));
     }
-    draw_fullscreen(view, pipeline, [scene_group, &group], &attachments, depth, context);
+    draw_fullscreen(view, pipeline, [scene_group, &group], &attachments, depth, recorder);
     // Bevy's prepass copied the depth texture before our depth was written.
     if let Some((textures, copy)) = prepass.and_then(|textures| Some((textures, textures.depth.as_ref()?))) {
         let (from, to) = (depth.texture.as_image_copy(), copy.texture.texture.as_image_copy());
-        context.command_encoder().copy_texture_to_texture(from, to, textures.size);
+        recorder.encoder().copy_texture_to_texture(from, to, textures.size);
     }
 }
 
@@ -103,10 +103,10 @@ fn draw_fullscreen(
     [scene, own]: [&BindGroup; 2],
     attachments: &[Option<RenderPassColorAttachment>],
     depth: &ViewDepthTexture,
-    context: &mut RenderContext,
+    recorder: &mut Recorder,
 ) {
-    let diagnostics = context.diagnostic_recorder();
-    let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
+    let diagnostics = recorder.diagnostics();
+    let mut pass = recorder.encoder().begin_render_pass(&RenderPassDescriptor {
         label: Some("restir composite"),
         color_attachments: attachments,
         depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),

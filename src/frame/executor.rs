@@ -5,14 +5,14 @@ use bevy::{
     ecs::prelude::*,
     render::{
         diagnostic::RecordDiagnostics,
-        render_resource::*,
-        renderer::{RenderContext, RenderDevice, ViewQuery},
+        render_resource::{self, *},
+        renderer::{PendingCommandBuffers, RenderContext, RenderDevice, RenderQueue, ViewQuery},
         view::{ViewDepthTexture, ViewTarget},
     },
 };
 use core::sync::atomic::Ordering;
 
-use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, resource, visibility};
+use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, recorder::Recorder, resource, visibility};
 use crate::{
     cpu_times::{CpuTimes, Stage},
     scene::{SceneFeatures, bindings::SceneBindings},
@@ -23,7 +23,11 @@ use crate::{
         reuse_schedule::IterationKind,
     },
     view::{
-        RestirView, ViewPool, bevy_handoff::HiddenFromBevy, counters::RunOfFrame, history::presample_workgroups,
+        RestirView, ViewPool,
+        bands::{Bands, WORKGROUP},
+        bevy_handoff::HiddenFromBevy,
+        counters::RunOfFrame,
+        history::presample_workgroups,
         pairs::ReplayQueue,
     },
 };
@@ -36,6 +40,8 @@ pub(super) fn run_passes(
     run: Res<RunOfFrame>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut pending: ResMut<PendingCommandBuffers>,
     hidden: Res<HiddenFromBevy>,
     times: Res<CpuTimes>,
     mut context: RenderContext,
@@ -54,30 +60,46 @@ pub(super) fn run_passes(
         return;
     }
     state.ran.store(true, Ordering::Relaxed);
-    state.counters.begin_frame(run.0, &mut context);
-    if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {
-        context.command_encoder().clear_buffer(&light_paths.map, 0, Some(light_paths.heads));
-    }
     let view_group = state.bind_group(&device, &pipelines);
     let iterations = |domain: &Domain| {
         let reservoirs = state.history.as_ref().and_then(|h| h.of(domain));
         reservoirs.map_or(vec![IterationKind::Search], |reservoirs| reservoirs.schedule().iteration_kinds())
     };
-    for step in key.frame.steps(iterations) {
+    let steps = key.frame.steps(iterations);
+    let rays = steps.iter().map(|step| state.rays_of(step)).sum();
+    let limit = u64::from(state.rays_per_dispatch);
+    let mut recorder = Recorder::begin(&mut context, (&*device, &*queue), &mut pending, rays, limit);
+    state.counters.begin_frame(run.0, recorder.encoder());
+    if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {
+        recorder.encoder().clear_buffer(&light_paths.map, 0, Some(light_paths.heads));
+    }
+    for step in steps {
         match step.pass {
-            Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
+            Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut recorder),
             Pass::Compute(pass) => {
                 let resources = resource::bind_group(pass, &step, state, &device, &pipelines);
-                let compute = Compute { pass, step: &step, state, scene: &scene, groups: [scene_group, &view_group] };
-                if let (Some(pipeline), Some(group)) = (passes.compute(pass, key, &pipelines), resources) {
-                    compute.record(pipeline, &group, &mut context);
+                let (Some(pipeline), Some(resources)) = (passes.compute(pass, key, &pipelines), resources) else {
+                    continue;
+                };
+                let groups = [scene_group, &view_group, &resources];
+                let compute = Compute { pass, step: &step, state, scene: &scene, pipeline, groups };
+                let rays = state.rays_of(&step);
+                match state.bands.as_ref().filter(|_| rays > limit) {
+                    Some(bands) => {
+                        let group_of = |band| state.bind_group_of_band(bands, band, &device, &pipelines);
+                        compute.record_bands(bands, rays, group_of, &mut recorder);
+                    }
+                    None => compute.record(rays, &mut recorder),
                 }
             }
             Pass::Composite if bevy_draws => {}
-            Pass::Composite => composite::draw(state, scene_group, targets, &passes, &pipelines, &device, &mut context),
+            Pass::Composite => {
+                composite::draw(state, scene_group, targets, &passes, &pipelines, &device, &mut recorder);
+            }
         }
     }
-    state.counters.copy(&mut context);
+    state.counters.copy(recorder.encoder());
+    recorder.finish();
 }
 
 /// A compute pass of a frame.
@@ -86,38 +108,74 @@ struct Compute<'a> {
     step: &'a Step,
     state: &'a RestirView,
     scene: &'a SceneBindings,
-    /// Those of the scene and of the view.
-    groups: [&'a BindGroup; 2],
+    pipeline: &'a ComputePipeline,
+    /// Those of the scene, of the view and of the pass.
+    groups: [&'a BindGroup; 3],
 }
 
 impl Compute<'_> {
-    fn record(&self, pipeline: &ComputePipeline, resources: &BindGroup, context: &mut RenderContext) {
+    /// Records the pass over the whole picture.
+    fn record(&self, rays: u64, recorder: &mut Recorder) {
         let workgroups = self.workgroups();
         if matches!(workgroups, Workgroups::Direct([0, _] | [_, 0])) {
             return;
         }
-        self.empty_queue(context);
+        recorder.make_room(rays);
+        self.empty_queue(recorder);
         let name = self.step.name;
-        let diagnostics = context.diagnostic_recorder();
-        let mut encoder = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some(name), ..Default::default() });
+        let diagnostics = recorder.diagnostics();
+        let mut encoder = self.begin(recorder);
         let span = diagnostics.as_deref().map(|d| d.pass_span(&mut encoder, format!("{SPAN_PREFIX}{name}")));
-        encoder.set_pipeline(pipeline);
-        for (group, index) in self.groups.into_iter().zip(0..) {
-            encoder.set_bind_group(index, group, &[]);
+        self.dispatch(self.groups[1], workgroups, &mut encoder);
+        if let Some(span) = span {
+            span.end(&mut encoder);
         }
-        encoder.set_bind_group(2, resources, &[]);
+    }
+
+    /// Records the pass over one band after another, or a few at once, each dispatch in a submission of its own.  `group_of`: the group of the
+    /// view for a band.
+    fn record_bands(&self, bands: &Bands, rays: u64, group_of: impl Fn(u32) -> BindGroup, recorder: &mut Recorder) {
+        recorder.submit();
+        self.empty_queue(recorder);
+        let name = self.step.name;
+        let diagnostics = recorder.diagnostics();
+        let span = diagnostics.as_deref().map(|d| d.time_span(recorder.encoder(), format!("{SPAN_PREFIX}{name}")));
+        let together = match self.pass.dispatch {
+            // The uniforms of a band say how many entries of the queue are its own.
+            Dispatch::ReplayQueue => 1,
+            _ => bands.division.together(rays, self.state.rays_per_dispatch),
+        };
+        for (band, rows) in bands.division.dispatches(together) {
+            if band > 0 {
+                recorder.submit();
+            }
+            let workgroups = match self.workgroups() {
+                Workgroups::Direct([x, _]) => Workgroups::Direct([x, rows]),
+                indirect => indirect,
+            };
+            self.dispatch(&group_of(band), workgroups, &mut self.begin(recorder));
+        }
+        if let Some(span) = span {
+            span.end(recorder.encoder());
+        }
+        recorder.submit();
+    }
+
+    fn begin<'e>(&self, recorder: &'e mut Recorder) -> render_resource::ComputePass<'e> {
+        let descriptor = ComputePassDescriptor { label: Some(self.step.name), ..Default::default() };
+        recorder.encoder().begin_compute_pass(&descriptor)
+    }
+
+    fn dispatch(&self, view: &BindGroup, workgroups: Workgroups, encoder: &mut render_resource::ComputePass) {
+        encoder.set_pipeline(self.pipeline);
+        let [scene, _, own] = self.groups;
         let optional_groups = self.scene.structures.iter().chain(&self.scene.bound_textures);
-        for (group, index) in optional_groups.zip(3..) {
+        for (group, index) in [scene, view, own].into_iter().chain(optional_groups).zip(0..) {
             encoder.set_bind_group(index, group, &[]);
         }
         match workgroups {
             Workgroups::Direct([x, y]) => encoder.dispatch_workgroups(x, y, 1),
             Workgroups::Indirect(arguments) => encoder.dispatch_workgroups_indirect(arguments, 0),
-        }
-        if let Some(span) = span {
-            span.end(&mut encoder);
         }
     }
 
@@ -126,16 +184,16 @@ impl Compute<'_> {
     }
 
     /// Empties the replay queue before the pass that fills it.
-    fn empty_queue(&self, context: &mut RenderContext) {
+    fn empty_queue(&self, recorder: &mut Recorder) {
         if let Some(queue) = self.queue().filter(|_| self.pass.resources.contains(&PassResource::ReplayQueue)) {
-            context.command_encoder().clear_buffer(&queue.0, 0, Some(ReplayQueue::HEADER));
+            recorder.encoder().clear_buffer(&queue.0, 0, Some(ReplayQueue::HEADER));
         }
     }
 
     fn workgroups(&self) -> Workgroups<'_> {
         let nothing = Workgroups::Direct([0, 0]);
         match self.pass.dispatch {
-            Dispatch::Pixels => Workgroups::Direct([self.state.size.x.div_ceil(8), self.state.size.y.div_ceil(8)]),
+            Dispatch::Pixels => Workgroups::Direct(self.state.size.map(|side| side.div_ceil(WORKGROUP)).to_array()),
             Dispatch::Subsets => Workgroups::Direct(presample_workgroups(&self.state.settings.direct)),
             Dispatch::ReplayQueue => self.queue().map_or(nothing, |queue| Workgroups::Indirect(&queue.0)),
         }

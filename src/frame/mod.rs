@@ -4,6 +4,7 @@
 pub(crate) mod composite;
 mod executor;
 pub(crate) mod pipelines;
+mod recorder;
 mod resource;
 mod visibility;
 

@@ -2,11 +2,11 @@
 
 use bevy::{
     asset::Handle,
-    render::{diagnostic::RecordDiagnostics, render_resource::*, renderer::RenderContext},
+    render::{diagnostic::RecordDiagnostics, render_resource::*},
     shader::{Shader, ShaderDefVal},
 };
 
-use super::{SPAN_PREFIX, pipelines::PassPipelines};
+use super::{SPAN_PREFIX, pipelines::PassPipelines, recorder::Recorder};
 use crate::{
     gpu_layout::NONE,
     scene::bindings::{SceneBindings, scene_layout},
@@ -60,10 +60,10 @@ pub(super) fn draw(
     scene_group: &BindGroup,
     passes: &PassPipelines,
     pipelines: &PipelineCache,
-    context: &mut RenderContext,
+    recorder: &mut Recorder,
 ) {
     let mut draw = |name, visibility, depth| {
-        draw_into([visibility, depth], name, view, key, (scene, scene_group), (passes, pipelines), context);
+        draw_into([visibility, depth], name, view, key, (scene, scene_group), (passes, pipelines), recorder);
     };
     draw("visibility", &view.visibility, &view.depth);
     if let Some(shown) = &view.shown {
@@ -78,11 +78,11 @@ fn draw_into(
     key: PipelineKey,
     (scene, scene_group): (&SceneBindings, &BindGroup),
     (passes, pipelines): (&PassPipelines, &PipelineCache),
-    context: &mut RenderContext,
+    recorder: &mut Recorder,
 ) {
-    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = recorder.diagnostics();
     let none = f64::from(NONE);
-    let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
+    let mut pass = recorder.encoder().begin_render_pass(&RenderPassDescriptor {
         label: Some("restir visibility"),
         color_attachments: &[Some(RenderPassColorAttachment {
             view: visibility,

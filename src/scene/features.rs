@@ -4,6 +4,8 @@ use core::ops::BitOr;
 
 use bevy::shader::ShaderDefVal;
 
+use crate::settings::RestirExpected;
+
 macro_rules! features {
     ($($name:ident = $bit:literal, $doc:literal;)*) => {
         bitflags::bitflags! {
@@ -115,6 +117,58 @@ impl SceneFeatures {
     /// The kinds of environments.
     pub(crate) const OF_ENVIRONMENT: Self =
         Self::ENVIRONMENT.union(Self::ENVIRONMENT_MAP).union(Self::ENVIRONMENT_CUBE);
+
+    /// The features that expected contents of a scene may bring, on any device.
+    pub(crate) fn of_expected(expected: &RestirExpected) -> Self {
+        const TEXTURES: SceneFeatures =
+            SceneFeatures::TEXTURES.union(SceneFeatures::BOUND_TEXTURES).union(SceneFeatures::SECOND_UVS);
+        const TRANSMITS: SceneFeatures = SceneFeatures::ATTENUATION.union(SceneFeatures::THIN_WALL);
+        // All fields are named, so that a new one cannot be forgotten.
+        let &RestirExpected {
+            emissive_meshes,
+            point_lights,
+            sphere_lights,
+            spot_lights,
+            rect_lights,
+            directional_lights,
+            sun_disks,
+            textures,
+            normal_maps,
+            layer_textures,
+            vertex_colors,
+            alpha,
+            glass,
+            diffuse_transmission,
+            clearcoat,
+            anisotropy,
+            smooth_materials,
+            subsurface,
+            bending_meshes,
+            render_layers,
+        } = expected;
+        let features = [
+            (emissive_meshes, Self::LIGHT_TRIANGLES),
+            (point_lights || spot_lights, Self::LIGHT_POINTS),
+            (sphere_lights, Self::LIGHT_SPHERES | Self::LIGHT_SHAPES),
+            (rect_lights, Self::LIGHT_RECTS | Self::LIGHT_SHAPES),
+            (directional_lights, Self::LIGHT_DIRECTIONAL),
+            (sun_disks, Self::SUN_DISK | Self::LIGHT_SHAPES),
+            (textures, TEXTURES),
+            (normal_maps, TEXTURES | Self::NORMAL_MAPS),
+            (layer_textures, TEXTURES | Self::LAYER_TEXTURES),
+            (vertex_colors, Self::VERTEX_COLORS),
+            (alpha, Self::ALPHA),
+            (glass, Self::TRANSMISSION | TRANSMITS | Self::SMOOTH),
+            (diffuse_transmission, Self::DIFFUSE_TRANSMISSION | TRANSMITS),
+            (clearcoat, Self::CLEARCOAT),
+            (anisotropy, Self::ANISOTROPY),
+            (smooth_materials, Self::SMOOTH),
+            (subsurface, Self::SUBSURFACE),
+            (bending_meshes, Self::DEFORMATION),
+            (render_layers, Self::RENDER_LAYERS),
+        ];
+        features.into_iter().filter(|(is_expected, _)| *is_expected).map(|(_, features)| features).collect()
+    }
 
     /// The features that a picture depends on: without the counting of rays.
     pub(crate) fn of_pictures(self) -> Self {

@@ -98,6 +98,9 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
     materials.make_room(&mut scene.instances, is_complete);
     drop(running);
     let running = times.measure(Stage::Textures);
+    if scene.expected.contains(SceneFeatures::TEXTURES) {
+        textures.prepare_pipeline(pipelines, shaders);
+    }
     let used_changed = materials.has_changed();
     let slots_changed = textures.update(
         used_changed,
@@ -126,7 +129,9 @@ fn update_instances_and_lights(
     let running = times.measure(Stage::Bodies);
     let Pools { meshes, bodies, .. } = pools;
     bodies.update(scene, meshes, device, queue);
-    bodies.prepare_pipelines(pipelines, shaders);
+    if !bodies.is_empty() || scene.expected.contains(SceneFeatures::DEFORMATION) {
+        bodies.prepare_pipelines(pipelines, shaders);
+    }
     drop(running);
     let running = times.measure(Stage::Instances);
     let due = due_instances(changed, &scene.instances, pools, device);
@@ -271,14 +276,21 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools, scene: &ExtractedScene) {
-    let Pools { meshes, textures, materials, instances, lights, .. } = pools;
-    bindings.features = bindings.recent_features.features(instances.totals.features() | lights.features);
+    let Pools { meshes, bodies, textures, materials, instances, lights, .. } = pools;
+    let expected = scene.expected.difference(if textures.bindless.is_some() {
+        SceneFeatures::empty()
+    } else {
+        // No texture is bound without a copy on this device.
+        SceneFeatures::BOUND_TEXTURES
+    });
+    bindings.features = bindings.recent_features.features(instances.totals.features() | lights.features) | expected;
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     let top = &instances.top;
     bindings.keeps_light_probabilities = lights.previous_at == 0 && top.radius == top.previous_sphere.1;
     bindings.edit_revision = materials.edit_revision + textures.edit_revision + instances.edit_revision;
-    bindings.ready = meshes.idle(&scene.instances) && !instances.waiting && textures.complete;
+    let poses_expected = bodies.is_ready() || !expected.contains(SceneFeatures::DEFORMATION);
+    bindings.ready = meshes.idle(&scene.instances) && !instances.waiting && textures.complete && poses_expected;
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.totals.triangles;
     bindings.instances = instances.totals.instances;

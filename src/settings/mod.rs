@@ -1,5 +1,5 @@
 //! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`Subsurface`], [`RestirMaterial`] and [`RestirIgnore`] on
-//! an object, [`EmissiveLuminance`] and [`RestirBudget`] for the whole app.
+//! an object, [`EmissiveLuminance`], [`RestirBudget`] and [`RestirExpected`] for the whole app.
 
 mod bdpt;
 mod budget;
@@ -7,6 +7,7 @@ mod debug_view;
 mod denoiser;
 mod direct;
 mod environment;
+mod expected;
 mod jitter;
 mod paths;
 mod presets;
@@ -23,6 +24,7 @@ pub use debug_view::DebugView;
 pub use denoiser::Denoiser;
 pub use direct::{BiasCorrection, Direct, VisibilityReuse};
 pub use environment::RestirEnvironment;
+pub use expected::RestirExpected;
 pub use jitter::Jitter;
 pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
@@ -95,11 +97,11 @@ impl Technique {
 /// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
 ///   or a clearcoat, the first texture or vertex color in a scene with alpha, the first texture of transmission, specular, clearcoat or
 ///   anisotropy, or the first object that render layers hide;
-/// - the first translucent object appears, or the last one disappears;
+/// - the first translucent object appears, or the last one disappears (an object or light that [`RestirExpected`] announces restarts nothing);
 /// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
 /// - the environment appears, disappears or gets another image;
 /// - one of these settings changes, except [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`,
-///   [`Research::replay_compaction`], and all of [`Reuse`] but `order` and `temporal`;
+///   [`Research::replay_compaction`], [`Research::rays_per_dispatch`], and all of [`Reuse`] but `order` and `temporal`;
 ///
 /// and sometimes when the texture atlas is packed again, when the device has no free slot for an object that is edited, or after a frame in
 /// which the camera was not rendered.  [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
@@ -238,6 +240,7 @@ impl Restir {
         settings.firefly_limit = 0.0;
         settings.denoiser = Denoiser::OFF;
         settings.research.replay_compaction = true;
+        settings.research.rays_per_dispatch = 0;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.history_key();
         }

@@ -61,6 +61,13 @@ pub struct Research {
     /// of the pixels that have some (replay compaction, Lin et al. 2026, supplement, Table 1): threads that need no replay do not wait for
     /// those that do.  It changes the speed, never the image.  Memory: 8 bytes a pixel.  Default: on.
     pub replay_compaction: bool,
+    /// Rays that a pass traces in one dispatch, and the passes of one submission to the GPU together, by an upper estimate from the
+    /// settings: a longer pass runs over bands of the picture, and a longer frame has several submissions.  A driver that resets a GPU which
+    /// is busy for seconds then does not.  Smaller values are safer on slow devices, and cost CPU time for each submission and a little GPU
+    /// time at the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.  Default 0: by
+    /// the device, 2^26 on a graphics card (5 submissions in a frame of the default settings with 1920 x 1080 pixels), 2^23 on a GPU without
+    /// memory of its own (about 35) and without a limit on a CPU.
+    pub rays_per_dispatch: u32,
 }
 
 impl Default for Research {
@@ -71,6 +78,7 @@ impl Default for Research {
             target_without_bsdf: false,
             russian_roulette: true,
             replay_compaction: true,
+            rays_per_dispatch: 0,
         }
     }
 }

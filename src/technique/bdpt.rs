@@ -4,7 +4,7 @@
 use super::{
     TechniqueRow,
     domain::{self, DebugPass, Domain, LightPart, domain_names, pair_passes},
-    pass::{ComputePass, PassResource as R},
+    pass::{ComputePass, PassResource as R, Rays},
     reuse_schedule::ReuseSchedule,
 };
 use crate::{
@@ -24,6 +24,7 @@ const DOMAIN: &Domain = &Domain {
     names: domain_names!("bdpt"),
     light_paths: Some(ComputePass {
         defs: DRAWN_SIDES,
+        rays: Rays::LightPaths,
         ..ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap])
     }),
     candidates: ComputePass {
@@ -62,6 +63,7 @@ const SPLATS: &Domain = &Domain {
     forward: &[
         ComputePass {
             defs: DRAWN_SIDES,
+            rays: Rays::Shift,
             ..ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs])
         },
         ComputePass::per_pixel("splats_gather", &[R::Settings, R::LastReservoirsRead, R::ForwardedReservoirs]),

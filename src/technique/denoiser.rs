@@ -3,11 +3,14 @@
 use super::{
     domain::iteration_names,
     frame::RESOLVE,
-    pass::{ComputePass, PassResource as R},
+    pass::{ComputePass, PassResource as R, Rays},
 };
 
 /// Follows the rays of smooth mirrors and clear glass; in scenes that may have them.
-const IMAGES: ComputePass = ComputePass::per_pixel("denoiser_images", &[R::OpticalImages, R::ImagePlaces]);
+const IMAGES: ComputePass = ComputePass {
+    rays: Rays::Images,
+    ..ComputePass::per_pixel("denoiser_images", &[R::OpticalImages, R::ImagePlaces])
+};
 /// Writes the light of all domains, without albedo, and the guide.
 const INPUT: ComputePass = ComputePass {
     name: "denoiser_input",

@@ -3,7 +3,7 @@
 use core::hash::{Hash, Hasher};
 
 use super::{
-    pass::{ComputePass, Dispatch, PassResource as R},
+    pass::{ComputePass, Dispatch, PassResource as R, Rays},
     reuse_schedule::{MAX_ITERATIONS, ReuseSchedule},
 };
 use crate::settings::{DebugView, Restir};
@@ -140,7 +140,7 @@ pub(crate) const fn candidates(
     domain_rooms: &'static [&'static str],
 ) -> ComputePass {
     let resources = &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight];
-    ComputePass { file, domain_rooms, ..ComputePass::per_pixel(name, resources) }
+    ComputePass { file, domain_rooms, rays: Rays::Candidates, ..ComputePass::per_pixel(name, resources) }
 }
 
 /// The resampling routine for a domain.
@@ -153,7 +153,7 @@ pub(crate) const fn reuse(name: &'static str, domain_rooms: &'static [&'static s
         R::LightBefore,
         R::LightAfter,
     ];
-    ComputePass { file: "reuse", domain_rooms, ..ComputePass::per_pixel(name, resources) }
+    ComputePass { file: "reuse", domain_rooms, rays: Rays::Shifts, ..ComputePass::per_pixel(name, resources) }
 }
 
 /// The resources of the passes of paired spatial reuse.
@@ -187,7 +187,7 @@ pub(crate) const fn pair_pass(
 /// Paired spatial reuse in a domain: the prefix of the names of its passes, the rooms of its technique, and its shader definitions.
 macro_rules! pair_passes {
     ($name:literal, $rooms:expr $(, $def:literal)*) => {{
-        use $crate::technique::{domain::*, pass::{ComputePass, Dispatch}};
+        use $crate::technique::{domain::*, pass::{ComputePass, Dispatch, Rays}};
         // Pairs are within a frame, so that nothing moves between their pixels.
         let within = &["WITHIN_FRAME" $(, $def)*];
         let defers = &["DEFERS_REPLAYS", "WITHIN_FRAME" $(, $def)*];
@@ -197,11 +197,18 @@ macro_rules! pair_passes {
         let shifts = "pair_shifts";
         PairPasses {
             neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], PAIR_NEIGHBORS),
-            shifts: pair_pass(concat!($name, "_pair_shifts"), shifts, $rooms, within, PAIR_SHIFTS),
+            shifts: ComputePass {
+                rays: Rays::PairShifts,
+                ..pair_pass(concat!($name, "_pair_shifts"), shifts, $rooms, within, PAIR_SHIFTS)
+            },
             compaction: Some(CompactionPasses {
-                short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), shifts, $rooms, defers, PAIR_SHORT_SHIFTS),
+                short_shifts: ComputePass {
+                    rays: Rays::ShortPairShifts,
+                    ..pair_pass(concat!($name, "_pair_short_shifts"), shifts, $rooms, defers, PAIR_SHORT_SHIFTS)
+                },
                 replays: ComputePass {
                     dispatch: Dispatch::ReplayQueue,
+                    rays: Rays::PairShifts,
                     ..pair_pass(concat!($name, "_pair_replays"), shifts, $rooms, from_queue, PAIR_REPLAYS)
                 },
             }),

@@ -10,6 +10,7 @@ pub(crate) mod frame;
 mod gi;
 pub(crate) mod pass;
 mod pt;
+pub(crate) mod rays;
 mod reference;
 pub(crate) mod reuse_schedule;
 mod sss;

@@ -107,6 +107,29 @@ pub(crate) enum Dispatch {
     ReplayQueue,
 }
 
+/// The use of the rays that a pass traces.  A pass over pixels that traces rays can run over bands of the picture: its shader adds
+/// `view.first_pixel` to its coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rays {
+    None,
+    /// A path from the camera in each pixel.
+    Path,
+    /// Initial candidates of a domain.
+    Candidates,
+    /// Shifts between each pixel and its neighbors, in both directions.
+    Shifts,
+    /// Shifts from the partners of each pixel to the pixel.
+    PairShifts,
+    /// Those of them that replay nothing.
+    ShortPairShifts,
+    /// Light sub-paths.
+    LightPaths,
+    /// One shift in each pixel.
+    Shift,
+    /// Optical images.
+    Images,
+}
+
 /// A compute pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ComputePass {
@@ -120,12 +143,13 @@ pub(crate) struct ComputePass {
     pub defs: &'static [&'static str],
     pub resources: &'static [PassResource],
     pub dispatch: Dispatch,
+    pub rays: Rays,
 }
 
 impl ComputePass {
-    /// A pass over pixels whose name is that of its file.
+    /// A pass over pixels whose name is that of its file, and which traces no rays.
     pub(crate) const fn per_pixel(name: &'static str, resources: &'static [PassResource]) -> Self {
-        Self { name, file: name, domain_rooms: &[], defs: &[], resources, dispatch: Dispatch::Pixels }
+        Self { name, file: name, domain_rooms: &[], defs: &[], resources, dispatch: Dispatch::Pixels, rays: Rays::None }
     }
 }
 

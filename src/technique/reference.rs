@@ -2,11 +2,12 @@
 
 use super::{
     TechniqueRow,
-    pass::{ComputePass, PassResource as R},
+    pass::{ComputePass, PassResource as R, Rays},
 };
 use crate::settings::Technique;
 
-const LIGHT: ComputePass = ComputePass::per_pixel("reference", &[R::Radiance, R::Counters]);
+const LIGHT: ComputePass =
+    ComputePass { rays: Rays::Path, ..ComputePass::per_pixel("reference", &[R::Radiance, R::Counters]) };
 const RAYS: ComputePass = ComputePass { name: "reference_rays", defs: &["SHOWS_RAYS"], ..LIGHT };
 
 /// Scattering events of its paths, which every technique shows in [`DebugView::Bounces`](crate::DebugView::Bounces).

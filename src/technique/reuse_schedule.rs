@@ -318,6 +318,16 @@ impl ReuseSchedule {
         1 + neighbors.max().unwrap_or(0)
     }
 
+    /// Greatest number of shifts of a pixel in these iterations: with pairwise MIS weights, between its own sample and each neighbor's;
+    /// otherwise, between all inputs.
+    pub(crate) fn max_searched_shifts(&self) -> u32 {
+        let inputs = self.max_searched_inputs();
+        match self.common.mis {
+            MIS_PAIRWISE | MIS_DEFENSIVE_PAIRWISE | MIS_DEFENSIVE_PAIRWISE_GRIS => 2 * (inputs - 1),
+            _ => inputs * (inputs - 1),
+        }
+    }
+
     /// Order of reservoirs in memory: `LAYOUT_*`, or pixels a side of a tile.
     pub(crate) fn reservoir_layout(&self) -> u32 {
         self.common.reservoir_layout

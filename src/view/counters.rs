@@ -2,10 +2,7 @@
 
 use bevy::{
     ecs::prelude::*,
-    render::{
-        render_resource::*,
-        renderer::{RenderContext, RenderDevice},
-    },
+    render::{render_resource::*, renderer::RenderDevice},
 };
 use std::{
     mem::offset_of,
@@ -88,19 +85,19 @@ impl CounterReadback {
     }
 
     /// Records the clearing of the counters of the last frame, and of those of the whole run if `run` is a new one.
-    pub(crate) fn begin_frame(&self, run: u32, context: &mut RenderContext) {
+    pub(crate) fn begin_frame(&self, run: u32, encoder: &mut CommandEncoder) {
         let restarts = self.run.swap(run, Ordering::AcqRel) != run;
         let of_frame = offset_of!(GpuCounters, guards) as u64;
-        context.command_encoder().clear_buffer(&self.buffer, 0, (!restarts).then_some(of_frame));
+        encoder.clear_buffer(&self.buffer, 0, (!restarts).then_some(of_frame));
     }
 
     /// Records a copy of the counters within the frame, unless the last copy is still being read.
-    pub(crate) fn copy(&self, context: &mut RenderContext) {
+    pub(crate) fn copy(&self, encoder: &mut CommandEncoder) {
         if self.in_flight.load(Ordering::Acquire) {
             return;
         }
         let size = self.buffer.size();
-        context.command_encoder().copy_buffer_to_buffer(&self.buffer, 0, &self.staging, 0, size);
+        encoder.copy_buffer_to_buffer(&self.buffer, 0, &self.staging, 0, size);
         self.copied.store(true, Ordering::Release);
     }
 

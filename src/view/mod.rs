@@ -3,6 +3,7 @@
 //! Each frame extracts the cameras, prepares environment images, selects pipelines and then prepares the views: resolution, uniforms, and
 //! whether accumulation and history continue or restart.
 
+pub(crate) mod bands;
 pub(crate) mod bevy_handoff;
 pub(crate) mod bind_groups;
 pub(crate) mod capture;

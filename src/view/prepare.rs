@@ -8,14 +8,14 @@ use bevy::{
     render::{
         camera::{ExtractedCamera, TemporalJitter},
         render_resource::{PipelineCache, TextureView},
-        renderer::{RenderDevice, RenderQueue},
+        renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
         sync_world::MainEntity,
         view::ExtractedView,
     },
 };
 
 use super::{
-    RestirView, ViewPool,
+    RestirView, ViewPool, bands,
     environment::EnvironmentPool,
     extract::{ExtractedRestir, ExtractedViews},
     image_state::Reset,
@@ -51,6 +51,7 @@ pub(super) fn prepare_views(
     environments: Res<EnvironmentPool>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
+    adapter: Res<RenderAdapterInfo>,
     queue: Res<RenderQueue>,
     times: Res<CpuTimes>,
     mut warned: Local<Warned<(Entity, &'static str)>>,
@@ -104,8 +105,11 @@ pub(super) fn prepare_views(
         }
         if state.rendered {
             let (scene, environments) = (&*scene, &*environments);
-            let inputs = UniformInputs { restir, camera, view, current, bevy_jitter: jitter, scene, environments };
-            state.update_uniforms(&inputs, &queue);
+            let rays_per_dispatch = bands::limit_on(adapter.device_type);
+            let bevy_jitter = jitter;
+            let inputs =
+                UniformInputs { restir, camera, view, current, bevy_jitter, scene, environments, rays_per_dispatch };
+            state.update_uniforms(&inputs, &device, &queue);
             state.update_draws(scene, &instances, current);
             pool.requested_resets.remove(&entity);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {

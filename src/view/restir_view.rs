@@ -12,6 +12,7 @@ use core::sync::atomic::AtomicBool;
 
 use super::{
     DEPTH_FORMAT,
+    bands::Bands,
     bind_groups::{BindGroups, Bound},
     buffer,
     counters::CounterReadback,
@@ -51,6 +52,10 @@ pub(crate) struct RestirView {
     /// Bit of the camera's render layers ([`LayerSets`](crate::scene::geometry::render_layers::LayerSets)).
     pub layers: u32,
     pub uniforms: Buffer,
+    /// Rays of a dispatch and of a submission in this frame, if possible.
+    pub rays_per_dispatch: u32,
+    /// The bands of the picture, if a pass of this frame runs over them.
+    pub bands: Option<Bands>,
     /// The visibility buffer of this frame.
     pub visibility: TextureView,
     /// Counts that passes add up for each pixel.
@@ -62,7 +67,7 @@ pub(crate) struct RestirView {
     pub radiance: Buffer,
     pub counters: CounterReadback,
     /// Groups 1 of compute passes.
-    view_groups: BindGroups,
+    pub(super) view_groups: BindGroups,
     /// Group 1 of raster passes: the uniforms alone.
     pub raster_bind_group: BindGroup,
     /// Group 2 of all passes.
@@ -179,6 +184,8 @@ impl RestirView {
             bind_groups: BindGroups::default(),
             visible: VisibleDraws::default(),
             uniforms,
+            rays_per_dispatch: u32::MAX,
+            bands: None,
             visibility: visibility_buffer(device, "visibility", size),
             counts,
             history: None,
@@ -220,11 +227,27 @@ impl RestirView {
         }
     }
 
-    /// Group 1 of compute passes.  There are two in turn, because the visibility buffers of this frame and the last one change roles.
+    /// Group 1 of compute passes.
     pub(crate) fn bind_group(&self, device: &RenderDevice, pipelines: &PipelineCache) -> BindGroup {
+        self.bind_group_with(Bound::Buffer(&self.uniforms), device, pipelines)
+    }
+
+    /// Group 1 of compute passes over a band.
+    pub(crate) fn bind_group_of_band(
+        &self,
+        bands: &Bands,
+        band: u32,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+    ) -> BindGroup {
+        self.bind_group_with(bands.uniforms_of(band), device, pipelines)
+    }
+
+    /// There are two groups in turn, because the visibility buffers of this frame and the last one change roles.
+    fn bind_group_with(&self, uniforms: Bound, device: &RenderDevice, pipelines: &PipelineCache) -> BindGroup {
         let [map, importance] = &self.environment_views;
         let views = [&self.visibility, map, importance, &self.counts].map(Bound::View);
-        let bound = [Bound::Buffer(&self.uniforms), views[0], views[1], views[2], views[3]];
+        let bound = [uniforms, views[0], views[1], views[2], views[3]];
         self.view_groups.get("view", &bound, || {
             let [uniforms, visibility, map, importance, counts] = bound.map(Bound::resource);
             device.create_bind_group(
@@ -357,6 +380,7 @@ impl RestirView {
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
         ];
+        memory.extend(self.bands.iter().map(|bands| ("uniforms of bands", bands.bytes())));
         memory.extend(self.shown.iter().map(|_| ("shown surfaces", Surfaces::bytes(self.target_size))));
         memory.extend(self.history.iter().flat_map(History::memory));
         memory

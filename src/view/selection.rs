@@ -65,7 +65,9 @@ pub(crate) fn requested_key(
             }
             _ => environments.features(environment),
         };
-    features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
+    if scene.hidden_from & restir.layers != 0 {
+        features |= SceneFeatures::RENDER_LAYERS;
+    }
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
     let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;
     features.set(SceneFeatures::SPLIT_LIGHT, splits_light);

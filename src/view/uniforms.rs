@@ -4,7 +4,7 @@ use bevy::{
     math::{Mat3, Mat4, Vec2, Vec4},
     render::{
         camera::{ExtractedCamera, TemporalJitter},
-        renderer::RenderQueue,
+        renderer::{RenderDevice, RenderQueue},
         view::ExtractedView,
     },
 };
@@ -90,6 +90,8 @@ pub(super) struct UniformInputs<'a> {
     pub bevy_jitter: Option<&'a TemporalJitter>,
     pub scene: &'a SceneBindings,
     pub environments: &'a EnvironmentPool,
+    /// Rays of a dispatch where the settings leave it to the device.
+    pub rays_per_dispatch: u32,
 }
 
 impl UniformInputs<'_> {
@@ -135,7 +137,7 @@ impl UniformInputs<'_> {
 
 impl RestirView {
     /// Writes the uniforms of this frame, after advancing or restarting the frame counters in them.
-    pub(super) fn update_uniforms(&mut self, inputs: &UniformInputs, queue: &RenderQueue) {
+    pub(super) fn update_uniforms(&mut self, inputs: &UniformInputs, device: &RenderDevice, queue: &RenderQueue) {
         let UniformInputs { restir, current, .. } = *inputs;
         self.advance(self.new_image_state(inputs), &restir.settings);
         let offset = self.next_jitter(inputs);
@@ -170,9 +172,11 @@ impl RestirView {
             layers: restir.layers,
             target_size: self.target_size.to_array(),
             background_alpha: restir.background_alpha,
-            pad: [0; 3],
+            band_rows: self.size.y,
+            first_pixel: [0; 2],
         };
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
+        self.update_bands(&uniforms, inputs.rays_per_dispatch, device, queue);
         self.previous_camera = Some(current);
         self.previous_environment = Some(environment);
         self.has_last_jitter = jitter == self.previous_jitter;

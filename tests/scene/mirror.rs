@@ -281,10 +281,10 @@ fn bevy_draws_our_meshes_for_every_camera_but_ours() {
 }
 
 /// The name of a feature, its flags, and a function that spawns an object with it.
-type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
+pub type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
 
 /// Objects that each need a feature that the scene does not have yet.
-fn feature_steps() -> [Step; 14] {
+pub fn feature_steps() -> [Step; 14] {
     fn aside(rig: &mut Rig, material: StandardMaterial) -> Option<Entity> {
         Some(rig.spawn(square(0.5), material, Transform::from_xyz(1.5, 0.0, 0.0)))
     }

@@ -8,6 +8,7 @@ mod changes;
 mod changing_meshes;
 mod edits;
 mod environment_cubemaps;
+mod expected;
 mod flickering_lights;
 mod geometry;
 mod huge_scenes;

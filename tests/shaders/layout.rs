@@ -197,6 +197,8 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
             layers,
             target_size,
             background_alpha,
+            band_rows,
+            first_pixel,
         }
     );
     let counters = module("view/counter_bindings.wgsl");

@@ -1,6 +1,7 @@
 //! The pictures of the techniques.  Modules in this folder hold for all techniques; subfolders are for one technique each.
 
 mod area_lights;
+mod bands;
 pub mod bdpt;
 mod bending;
 pub mod confidence;

@@ -16,8 +16,11 @@ use bevy::{
     render::{Extract, sync_world::MainEntity},
 };
 
-use crate::cpu_times::{CpuTimes, Stage};
-use crate::settings::{EmissiveLuminance, Restir};
+use crate::{
+    cpu_times::{CpuTimes, Stage},
+    scene::features::SceneFeatures,
+    settings::{EmissiveLuminance, Restir, RestirExpected},
+};
 use instances::InstanceList;
 use lights::AnalyticLight;
 
@@ -40,6 +43,8 @@ pub(crate) struct ExtractedScene {
     pub emissive_luminance: f32,
     /// Whether some camera uses energy compensation.
     pub energy_compensation: bool,
+    /// Features of objects and lights that the app expects.
+    pub expected: SceneFeatures,
     /// The lists are those of a new device: everything is extracted, whether it has changed or not.
     pub is_new: bool,
 }
@@ -69,8 +74,10 @@ impl ExtractedScene {
 pub(crate) fn extract_settings(
     mut scene: ResMut<ExtractedScene>,
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
+    expected: Extract<Res<RestirExpected>>,
     cameras: Extract<Query<&Restir>>,
 ) {
+    scene.expected = SceneFeatures::of_expected(&expected);
     scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
     scene.emissive_luminance = emissive_luminance.0;
     if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {

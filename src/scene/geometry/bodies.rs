@@ -255,11 +255,13 @@ impl BodyPool {
         self.bodies.get(&entity)
     }
 
-    /// Starts to compile the shaders once there is a body.
+    /// Whether no mesh bends.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.bodies.is_empty()
+    }
+
+    /// Starts to compile the shaders.
     pub(crate) fn prepare_pipelines(&mut self, pipelines: &PipelineCache, shaders: &ShaderLibrary) {
-        if self.bodies.is_empty() {
-            return;
-        }
         let layout = &self.layout;
         let ids = *self.pipelines.get_or_insert_with(|| {
             ["pose", "refit"].map(|entry_point| {

@@ -279,6 +279,11 @@ impl TexturePool {
         self.allocator.release(id) || was_bound
     }
 
+    /// Starts to compile the shader that copies images to the atlas.
+    pub(crate) fn prepare_pipeline(&mut self, pipelines: &PipelineCache, shaders: &ShaderLibrary) {
+        self.copier.pipeline(pipelines, shaders);
+    }
+
     /// Binds the images that are used and loaded, or copies them to the atlas.  Does nothing where neither the used images nor their pixels
     /// can have changed.  `used`: each image, and whether an instance shows it.  True if a slot was added, moved or lost.
     pub(crate) fn update(
