@@ -7,14 +7,18 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// The mean of independent values and its standard error.
+pub fn mean_and_error(values: &[f64]) -> (f64, f64) {
+    let (n, mean) = (values.len() as f64, mean(values));
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (mean, (squares / (n * (n - 1.0))).sqrt())
+}
+
 /// Difference of the means of two series in standard errors.
 pub fn difference(before: &[f64], after: &[f64]) -> f64 {
-    let variance = |values: &[f64]| {
-        let (n, mean) = (values.len() as f64, mean(values));
-        values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))
-    };
-    let difference = mean(after) - mean(before);
-    if difference == 0.0 { 0.0 } else { difference / (variance(before) + variance(after)).sqrt() }
+    let ((before, of_before), (after, of_after)) = (mean_and_error(before), mean_and_error(after));
+    let difference = after - before;
+    if difference == 0.0 { 0.0 } else { difference / of_before.hypot(of_after) }
 }
 
 /// Slope of a series in standard errors.
