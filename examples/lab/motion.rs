@@ -3,7 +3,10 @@
 use bevy::{math::UVec2, prelude::*};
 use bevy_restir::{DebugView, Jitter, Restir, Reuse, Technique};
 use bevy_restir_support::{arguments, progress::Progress};
-use plotters::prelude::*;
+use plotters::{
+    prelude::{LineSeries, PathElement, RGBColor},
+    style::Color as _,
+};
 
 use crate::{
     bench::{Bench, Counts, scenes},

@@ -31,7 +31,7 @@ const SHADOWS: &str = "direct.bias_correction=HeuristicsAndMis direct.visibility
 pub const UNCHANGED: &str = "unchanged";
 
 /// Each setting alone.  The first row of a technique is the preset without changes, which must equal the reference tracer within noise.
-pub const SETTINGS: [Setting; 32] = {
+pub static SETTINGS: [Setting; 32] = {
     use Technique::{Bdpt, Gi, Pt};
     [
         at_rest(Pt, UNCHANGED, ""),
