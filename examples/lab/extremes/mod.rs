@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=65_536))]
     seeds: u32,
     /// Frames of a run, whose mean counts; the reference tracer has four times as many.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: u32,
     /// How rays are traced.
     #[arg(long, default_value = "auto", value_parser = arguments::choice::<RayBackend>())]

@@ -60,7 +60,7 @@ const AWAY: Vec3 = Vec3::new(0.6, 0.48, 0.64);
 const CENTER: Vec3 = Vec3::new(0.3, 0.7, -0.2);
 
 impl Axis {
-    /// All axes.  The sun comes last, because its light needs other pipelines.
+    /// All axes.
     pub const ALL: [Self; 7] =
         [Self::Distance, Self::Scale, Self::Radiance, Self::Roughness, Self::Bounces, Self::Gap, Self::Sun];
 
@@ -104,7 +104,7 @@ impl Axis {
             Self::Bounces if value == 1.0 => "1 bounce".into(),
             Self::Bounces => format!("{number} bounces"),
             Self::Gap => format!("room {number} m high"),
-            Self::Sun => format!("sun at {number} degrees"),
+            Self::Sun => format!("sun at {number}°"),
         }
     }
 
@@ -154,6 +154,17 @@ fn facing(direction: Vec3, at: Vec3, side: f32) -> Transform {
         .with_scale(Vec3::splat(side))
 }
 
+/// A sun without a disk that shines in a direction.
+fn sun(illuminance: f32, direction: Vec3) -> Thing {
+    let at = Transform::default().looking_to(direction, direction.any_orthonormal_vector());
+    Thing::Sun(DirectionalLight { illuminance, ..default() }, None, at)
+}
+
+/// What a scene lacks and another one has, where it lights nothing: all scenes share their pipelines.  The sun shines from below a floor.
+fn hidden_sun(radiance: f32) -> Thing {
+    sun(1e-4 * radiance, Vec3::Y)
+}
+
 fn camera(eye: Transform, near: f32, fov: f32) -> (Transform, Projection) {
     (eye, Projection::Perspective(PerspectiveProjection { near, fov, ..default() }))
 }
@@ -173,8 +184,9 @@ fn room(offset: Vec3, scale: f32, radiance: f32, roughness: f32) -> Stage {
     ];
     let placed =
         |at: Transform| Transform { translation: at.translation * scale + offset, scale: at.scale * scale, ..at };
+    let things = things.map(|(shape, material, at)| object(shape, material, placed(at)));
     Stage {
-        things: things.map(|(shape, material, at)| object(shape, material, placed(at))).into(),
+        things: things.into_iter().chain([hidden_sun(radiance)]).collect(),
         camera: camera(placed(Transform::from_xyz(0.0, 0.0, 5.0)).with_scale(Vec3::ONE), 0.1 * scale, 0.8),
         bounces: BOUNCES,
         truth: Truth::Ordinary(1.0),
@@ -196,9 +208,9 @@ fn glowing(height: f32, bounces: u32) -> Stage {
     let wall = |(inward, distance): (Vec3, f32)| {
         object(Shape::Square, wall.clone(), facing(inward, CENTER - distance * inward, 2.0))
     };
-    // Behind the walls: the pipelines of the room serve here, too.
-    let hidden = Transform::from_translation(CENTER + Vec3::splat(5.0));
-    let things = sides.map(wall).into_iter().chain([object(Shape::Ball, glass(), hidden)]).collect();
+    let outside = Transform::from_translation(CENTER + Vec3::splat(5.0));
+    let hidden = [object(Shape::Ball, glass(), outside), hidden_sun(GLOW)];
+    let things = sides.map(wall).into_iter().chain(hidden).collect();
     let sum = |bounces: u32| -> f64 { (0..=bounces).map(|k| f64::from(GLOW) * f64::from(ALBEDO).powi(k as i32)).sum() };
     let eye = Transform::from_translation(CENTER).looking_to(Vec3::new(0.6, 0.0, -0.8), Vec3::Y);
     Stage {
@@ -213,12 +225,11 @@ fn glowing(height: f32, bounces: u32) -> Stage {
 fn plane(degrees: f64) -> Stage {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let from_sun = -Vec3::new(cos as f32, sin as f32, 0.0);
-    let light = DirectionalLight { illuminance: SUN, ..default() };
     let below = Vec3::new(0.0, -3.0, 0.0);
     let things = vec![
         object(Shape::Square, matte(PLANE), facing(Vec3::Y, Vec3::ZERO, 40.0)),
-        Thing::Sun(light, None, Transform::default().looking_to(from_sun, Vec3::Z)),
-        // Below the plane: the pipelines of the room serve here, too.
+        sun(SUN, from_sun),
+        // Below the plane, for the pipelines of the room.
         object(Shape::Square, lamp(0.1), facing(Vec3::NEG_Y, below, 0.1)),
         object(Shape::Ball, glass(), Transform::from_translation(3.0 * below)),
     ];
