@@ -31,10 +31,15 @@ pub fn slope(values: &[f64]) -> f64 {
     if slope == 0.0 { 0.0 } else { slope / (rest / (n - 2.0) / squares).sqrt() }
 }
 
-/// [`ERRORS`] for standard errors that are estimated from this many values: a quantile of Student's distribution by the expansion of Cornish
-/// and Fisher.
+/// [`ERRORS`] for standard errors that are estimated from this many values.
 pub fn limit(values: usize) -> f64 {
-    let (z, freedom) = (ERRORS, (values as f64 - 2.0).max(1.0));
+    student(ERRORS, values as f64 - 2.0)
+}
+
+/// The number of standard errors, estimated with this many degrees of freedom, that chance exceeds as seldom as a normal variable exceeds `z`: a
+/// quantile of Student's distribution by the expansion of Cornish and Fisher.
+pub fn student(z: f64, freedom: f64) -> f64 {
+    let freedom = freedom.max(1.0);
     let first = (z.powi(3) + z) / 4.0;
     let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
     let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;

@@ -20,7 +20,7 @@ fn figures(table: &str, label: &str) -> Vec<Vec<f64>> {
 #[ignore = "second tier: ./run test --more"]
 fn extremes_have_a_row_for_each_value() {
     let Some(folder) = Folder::new("extremes") else { return };
-    let short = ["--size", "8x8", "--seeds", "4", "--frames", "4", "--techniques", "reference,di", "--out", "tables"];
+    let short = ["--size", "16x16", "--seeds", "4", "--frames", "4", "--techniques", "reference,di", "--out", "tables"];
     folder.lab(&[&["extremes", "--axes", "bounces,gap"], &short[..]].concat()).succeeded();
     let table = fs::read_to_string(folder.path("tables/extremes.csv")).expect("the table was written");
     let exact = [
@@ -39,7 +39,8 @@ fn extremes_have_a_row_for_each_value() {
         let [.., differences, errors] = &rows[..] else { panic!("{label}: {table}") };
         assert_eq!((differences.len(), errors.len()), (2, 2), "{label}: {table}");
         for (difference, error) in differences.iter().zip(errors) {
-            assert!(difference.abs() < 6.0 * error + 0.2 && *error < 3.0, "{label}: {difference} ± {error}: {table}");
+            // Percent; four runs estimate their own noise badly.
+            assert!(difference.abs() < 6.0 && *error < 4.0, "{label}: {difference} ± {error}: {table}");
         }
     }
     assert!(!figures(&table, "room 1e-5 m high").is_empty(), "{table}");
@@ -61,10 +62,11 @@ fn the_bias_of_a_setting_has_its_sign_and_size() {
         assert!(error > 0.0 && error < 5.0 && squares > 0.0, "{table}");
         (difference, error)
     };
-    let (difference, error) = measured(list::UNCHANGED);
-    assert!(difference.abs() < 6.0 * error.max(0.5), "{difference} ± {error}");
-    let (difference, error) = measured("direct.visibility: Ignored");
-    assert!(difference > 6.0 * error && difference > 5.0, "{difference} ± {error}");
+    // Percent.
+    let (unchanged, error) = measured(list::UNCHANGED);
+    assert!(unchanged.abs() < 2.5, "{unchanged} ± {error}");
+    let (bright, error) = measured("direct.visibility: Ignored");
+    assert!(bright > 1.0 && bright > 3.0 * error, "{bright} ± {error}");
 }
 
 /// A row whose settings are clamped or those of another row would have a wrong label.

@@ -19,7 +19,7 @@ use crate::{
     difference::{Difference, is_finite},
     error::{Picture, mean},
     output::{Output, header},
-    significance::mean_and_error,
+    significance::{mean_and_error, student},
     table::{Row, Table, Unit},
     things,
 };
@@ -53,9 +53,10 @@ pub struct Args {
 
 /// The table's name.
 const NAME: &str = "extremes";
-/// A row differs if a mean is off by more than this share and by more than this number of standard errors.
+/// A row differs if a mean is off by more than this share and by more than chance explains: by this number of standard errors, or more where
+/// few runs estimate them.
 const SHARE: f64 = 0.01;
-const ERRORS: f64 = 4.0;
+const ERRORS: f64 = 3.0;
 /// The section of the rows that differ.
 const DIFFERENT: &str = "Rows that differ";
 /// Frames until the counters of a frame have arrived from the GPU.
@@ -75,14 +76,22 @@ pub fn run(args: &Args) -> Result<(), String> {
         theater.bench.report().backend
     ));
     let mut notes = vec![format!(
-        "A row differs if a mean is off by more than {} % and {ERRORS} standard errors, or if a pixel is black that must not be, is not finite or \
-         raises a guard.",
-        100.0 * SHARE
+        "A row differs if a mean is off by more than {} % and {:.1} standard errors, or if a pixel is black that must not be, is not finite or \
+         raises a guard.  Rows have the same random numbers, so that their noise is alike.",
+        100.0 * SHARE,
+        args.limit()
     )];
     if !theater.columns.iter().any(|(_, rows)| rows.iter().any(|row| row.section == DIFFERENT)) {
         notes.push("No row differs.".into());
     }
     args.output.write(NAME, &Table { header, columns: theater.columns, notes })
+}
+
+impl Args {
+    /// Standard errors that chance hardly exceeds.
+    fn limit(&self) -> f64 {
+        student(ERRORS, f64::from(self.seeds) - 1.0)
+    }
 }
 
 /// Light of a technique in a scene.
@@ -152,7 +161,7 @@ impl<'a> Theater<'a> {
                 };
                 cells.push(Cell::new(&measured, &right, self.args.size));
             }
-            let differs = cells.iter().any(Cell::differs);
+            let differs = cells.iter().any(|cell| cell.differs(self.args.limit()));
             for ((cell, all), different) in cells.iter().zip(&mut all).zip(&mut different) {
                 all.extend(cell.rows(axis.section(), &axis.label(value)));
                 if differs {
@@ -261,8 +270,9 @@ impl Cell {
         Self { difference, error, black, non_finite: measured.non_finite, guards: measured.guards.clone() }
     }
 
-    fn differs(&self) -> bool {
-        let is_off = self.difference.abs() > SHARE && self.difference.abs() > ERRORS * self.error;
+    /// `limit`: standard errors that chance hardly exceeds.
+    fn differs(&self, limit: f64) -> bool {
+        let is_off = self.difference.abs() > SHARE && self.difference.abs() > limit * self.error;
         is_off || self.black > 0.0 || self.non_finite > 0 || !self.guards.is_empty()
     }
 
