@@ -110,7 +110,7 @@ impl Bench {
     ) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
         let environment = environment_of(folder, name)?;
-        let mut app = Self::app_in(folder)?;
+        let mut app = Self::app_in(folder, RayBackend::Auto)?;
         let environment = environment.map(|wanted| environment::load(app.world_mut(), &wanted)).transpose()?;
         // While the only camera sees nothing, the plugin mirrors nothing: shaders keep features that it has once seen.
         let blind = app.world_mut().spawn((settings.clone(), RenderLayers::none())).id();
@@ -124,8 +124,8 @@ impl Bench {
     }
 
     /// An app for a measurement, without a scene.
-    pub fn app_in(folder: &Path) -> Result<App, String> {
-        let app = headless::app(folder, RayBackend::Auto)?;
+    pub fn app_in(folder: &Path, backend: RayBackend) -> Result<App, String> {
+        let app = headless::app(folder, backend)?;
         app.world().resource::<RestirStatistics>().count_rays(true);
         Ok(app)
     }

@@ -2,6 +2,7 @@
 
 mod ablate;
 mod bench;
+mod bias;
 mod blocks;
 mod broken_files;
 mod budget;
@@ -11,6 +12,7 @@ mod demo;
 mod difference;
 mod equal_time;
 mod error;
+mod extremes;
 mod features;
 mod frames;
 mod fuzz;
@@ -22,6 +24,7 @@ mod motion;
 mod output;
 mod panels;
 mod plants;
+mod plot;
 mod rays;
 mod resolutions;
 mod scale;
@@ -65,6 +68,8 @@ enum Command {
     Frames(frames::Args),
     Features(features::Args),
     Motion(motion::Args),
+    Bias(bias::Args),
+    Extremes(extremes::Args),
     Budget(budget::Args),
     Characters(characters::Args),
     Instances(instances::Args),
@@ -105,6 +110,7 @@ fn main() -> ExitCode {
 fn check(command: &Command) -> Result<(), String> {
     match command {
         Command::Times(args) => args.check(),
+        Command::Bias(args) => args.check(),
         Command::Sweep(args) => args.check(),
         Command::Presets(args) => args.check(),
         Command::Fuzz(args) => args.check(),
@@ -128,6 +134,8 @@ fn run(command: &Command) -> Result<(), String> {
         Command::Frames(args) => frames::run(args),
         Command::Features(args) => features::run(args),
         Command::Motion(args) => motion::run(args),
+        Command::Bias(args) => bias::run(args),
+        Command::Extremes(args) => extremes::run(args),
         Command::Budget(args) => budget::run(args),
         Command::Characters(args) => characters::run(args),
         Command::Instances(args) => instances::run(args),

@@ -3,6 +3,10 @@
 use bevy::{math::UVec2, prelude::*};
 use bevy_restir::{DebugView, Jitter, Restir, Reuse, Technique};
 use bevy_restir_support::{arguments, progress::Progress};
+use plotters::{
+    prelude::{LineSeries, PathElement, RGBColor},
+    style::Color as _,
+};
 
 use crate::{
     bench::{Bench, Counts, scenes},
@@ -10,18 +14,20 @@ use crate::{
     error::{Picture, mean},
     frames::with_variants,
     output::{Output, header},
+    plot::{Area, around, chart, drawn, failed, legend},
     subject::Subject,
     table::{Row, Table, Unit},
     variant,
 };
 
 /// Errors of pixels by the number of frames for which their surface has been in view, while the camera turns or steps aside, or an object
-/// passes.
+/// passes: a table, and a plot for each scene and motion.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(flatten)]
     subject: Subject,
-    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.  Without any, the preset is measured with and
+    /// without dual motion vectors, and with one neighbor, with and without more of them where surfaces come into view.
     #[arg(long, value_parser = variant::parse)]
     variant: Vec<String>,
     /// Size of the picture in pixels.
@@ -43,9 +49,9 @@ pub struct Args {
 /// The table's name.
 const NAME: &str = "motion";
 /// Frames of motion; the last is measured.
-const FRAMES: u32 = 16;
+pub const FRAMES: u32 = 16;
 /// Frames at rest before them.
-const REST: u32 = 8;
+pub const REST: u32 = 8;
 /// Turn of the camera in a frame, radians.
 const TURN: f32 = 0.035;
 /// Step of the camera in a frame, and of the object that passes, relative to the object's distance.
@@ -57,9 +63,21 @@ const END: f32 = 0.1;
 /// Ages up to this one have rows of their own, frames.
 const LAST_AGE: usize = 10;
 
+/// What is measured without `--variant`: methods for surfaces that come into view.  By default there are no more neighbors there than
+/// elsewhere, so that these need a preset with one neighbor.
+const METHODS: [(&str, &str); 3] = [
+    ("without dual motion vectors", "direct.reuse.dual_motion=false paths.reuse.dual_motion=false"),
+    ("one neighbor, more in new pixels", "direct.reuse.spatial_samples=1 paths.reuse.spatial_samples=1"),
+    (
+        "one neighbor",
+        "direct.reuse.spatial_samples=1 paths.reuse.spatial_samples=1 direct.reuse.disocclusion_samples=0 \
+         paths.reuse.disocclusion_samples=0",
+    ),
+];
+
 /// Kind of motion.
 #[derive(Clone, Copy, Debug)]
-enum Motion {
+pub enum Motion {
     Turn,
     Sidestep,
     Pass,
@@ -76,8 +94,17 @@ impl Motion {
         }
     }
 
+    /// Part of the name of a plot.
+    fn key(self) -> &'static str {
+        match self {
+            Self::Turn => "turn",
+            Self::Sidestep => "sidestep",
+            Self::Pass => "pass",
+        }
+    }
+
     /// Places of the camera or the object, of which the last is measured.
-    fn places(self, camera: Transform, distance: f32) -> Vec<Transform> {
+    pub fn places(self, camera: Transform, distance: f32) -> Vec<Transform> {
         let place = |left: f32| match self {
             Self::Turn => Transform { rotation: Quat::from_rotation_y(TURN * left) * camera.rotation, ..camera },
             Self::Sidestep => camera.with_translation(camera.translation - left * STEP * distance * camera.right()),
@@ -95,8 +122,9 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     // The reference tracer would jitter, and single frames would not: edges would differ.
     let plain = Restir { jitter: Jitter::Never, ..args.subject.settings() };
-    let variants = with_variants(args.subject.preset, plain, &args.variant)?;
+    let variants = args.variants(plain)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut plots = Vec::new();
     for scene in scenes(&args.subject.scenes)? {
         let counts = Counts { warmup: 0, frames: 1 };
         let mut bench = Bench::of_scene(&scene, args.size, variants[0].1.clone(), &counts)?;
@@ -107,19 +135,45 @@ pub fn run(args: &Args) -> Result<(), String> {
                 args.subject.technique, args.subject.preset, args.seeds
             ));
         }
-        let rows = args.column(&mut bench, &variants).map_err(|error| format!("{}: {error}", scene.1))?;
+        let (rows, curves) = args.column(&mut bench, &variants).map_err(|error| format!("{}: {error}", scene.1))?;
+        for (motion, curves) in curves {
+            plots.push((format!("{NAME}-{}-{}", scene.1, motion.key()), drawn(|area| draw(&curves, area))?));
+        }
         table.columns.push((scene.1, rows));
     }
+    plots.iter().try_for_each(|(name, svg)| args.output.write_plot(name, svg))?;
     args.output.write(NAME, &table)
 }
 
+/// Errors of a variant by the frames that surfaces have been in view.
+struct Curve {
+    name: String,
+    points: Vec<(f64, f64)>,
+}
+
 impl Args {
-    fn column(&self, bench: &mut Bench, variants: &[(String, Restir)]) -> Result<Vec<Row>, String> {
+    fn variants(&self, plain: Restir) -> Result<Vec<(String, Restir)>, String> {
+        if !self.variant.is_empty() {
+            return with_variants(self.subject.preset, plain, &self.variant);
+        }
+        let mut all = with_variants(self.subject.preset, plain.clone(), &[])?;
+        for (name, text) in METHODS {
+            all.push((name.into(), variant::of(&plain, text)?));
+        }
+        Ok(all)
+    }
+
+    /// The rows of a scene, and the curves of each motion.
+    fn column(
+        &self,
+        bench: &mut Bench,
+        variants: &[(String, Restir)],
+    ) -> Result<(Vec<Row>, Vec<(Motion, Vec<Curve>)>), String> {
         let runs = 1 + u64::from(self.seeds) * variants.len() as u64;
         let each = u64::from(self.samples) + u64::from(FRAMES + REST) * runs;
         let progress = Progress::new(Motion::ALL.len() as u64 * each);
         let camera = bench.place();
-        let mut rows = Vec::new();
+        let (mut rows, mut all) = (Vec::new(), Vec::new());
         for motion in Motion::ALL {
             let object = matches!(motion, Motion::Pass).then(|| spawn_object(bench));
             bench.set_mover(object);
@@ -133,17 +187,30 @@ impl Args {
             }
             let names: Vec<&str> = variants.iter().map(|(name, _)| name.as_str()).collect();
             let section = format!("{}: share of the pixels; errors with {}", motion.name(), names.join("; "));
+            let mut curves: Vec<_> =
+                names.iter().map(|name| Curve { name: (*name).into(), points: Vec::new() }).collect();
             for age in 0..=LAST_AGE + 1 {
                 let share = ages.iter().filter(|a| **a == Some(age)).count() as f64 / ages.len() as f64;
-                let errors = runs.iter().map(|pictures| {
+                let mut figures = vec![("", Unit::Plain, share)];
+                for (pictures, curve) in runs.iter().zip(&mut curves) {
                     let errors = pictures.iter().map(|picture| error(picture, reference.pixels(), &ages, age));
-                    ("", Unit::Plain, errors.sum::<f64>() / pictures.len() as f64)
-                });
-                let figures: Vec<_> = core::iter::once(("", Unit::Plain, share)).chain(errors).collect();
+                    let error = errors.sum::<f64>() / pictures.len() as f64;
+                    figures.push(("", Unit::Plain, error));
+                    if age <= LAST_AGE && error > 0.0 {
+                        curve.points.push((age as f64, error));
+                    }
+                }
                 rows.push(Row::new(section.clone(), label(age), &figures));
             }
+            // Where nothing comes into view there is nothing to plot.
+            if curves.iter().any(|curve| !curve.points.is_empty()) {
+                all.push((motion, curves));
+            }
+            if let Some(object) = object {
+                bench.app().world_mut().despawn(object);
+            }
         }
-        Ok(rows)
+        Ok((rows, all))
     }
 }
 
@@ -151,8 +218,33 @@ fn label(age: usize) -> String {
     if age > LAST_AGE { "longer".to_owned() } else { format!("in view for {age} frames") }
 }
 
+/// Colors of the curves.
+const COLORS: [RGBColor; 6] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(160, 60, 160),
+    RGBColor(230, 159, 0),
+    RGBColor(110, 110, 110),
+];
+
+/// Errors over the frames since surfaces have come into view.
+fn draw(curves: &[Curve], area: &Area) -> Result<(), String> {
+    let y = around(curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1)))?;
+    let names = ["frames since a surface has come into view", "relMSE without the worst percent"];
+    let mut chart = chart(area, 0.0..LAST_AGE as f64, y, names)?;
+    for (curve, color) in curves.iter().zip(COLORS.into_iter().cycle()) {
+        chart
+            .draw_series(LineSeries::new(curve.points.iter().copied(), color.stroke_width(2)).point_size(3))
+            .map_err(failed)?
+            .label(curve.name.clone())
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], color.stroke_width(2)));
+    }
+    legend(&mut chart)
+}
+
 /// A gray cube.
-fn spawn_object(bench: &mut Bench) -> Entity {
+pub fn spawn_object(bench: &mut Bench) -> Entity {
     let world = bench.app().world_mut();
     let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0));
     let gray =

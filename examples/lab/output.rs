@@ -31,6 +31,12 @@ impl Output {
         check_into(self.into.as_deref(), name)
     }
 
+    /// Writes a plot beside the tables.
+    pub fn write_plot(&self, name: &str, svg: &str) -> Result<(), String> {
+        files::create_folder(&self.out)?;
+        write_text(&self.out.join(format!("{name}.svg")), svg)
+    }
+
     /// Writes the table, each file complete or not at all.
     pub fn write(&self, name: &str, table: &Table) -> Result<(), String> {
         let text = table.markdown();

@@ -1,7 +1,7 @@
 //! Cost of direct light by the number of lights: a panel of constant power, divided into more and more triangles.
 
 use bevy::{camera::primitives::Aabb, math::UVec2, prelude::*};
-use bevy_restir::RestirStatistics;
+use bevy_restir::{RayBackend, RestirStatistics};
 use bevy_restir_support::{
     arguments,
     exposure::unit_exposure,
@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             (bench, at)
         }
         None => {
-            let mut app = Bench::app_in(Path::new("."))?;
+            let mut app = Bench::app_in(Path::new("."), RayBackend::Auto)?;
             let place = lights::spawn_room(app.world_mut());
             let settings = series::default();
             let camera = CameraSetup { size: args.size, exposure: unit_exposure(), environment: None, settings };

@@ -22,6 +22,8 @@ pub enum Unit {
     Ratio,
     /// A difference relative to the reference.
     Relative,
+    /// The same in percent.
+    Percent,
     /// A number without a unit.
     Plain,
     BytesAPixel,
@@ -46,6 +48,7 @@ impl Unit {
             Self::Samples => "samples",
             Self::Ratio => "x",
             Self::Relative => "relative",
+            Self::Percent => "%",
             Self::BytesAPixel => "bytes a pixel",
             Self::MiB => "MiB",
             Self::Bytes => "bytes",
@@ -58,6 +61,8 @@ impl Unit {
         match self {
             Self::Count | Self::BytesAPixel | Self::Bytes => with_decimals(value, 0),
             Self::RaysAPixel => with_decimals(value, 2),
+            // Without the sign of a number that rounds to 0.
+            Self::Percent => with_decimals((100.0 * value).round() / 100.0 + 0.0, 2),
             _ => digits(value),
         }
     }

@@ -4,7 +4,7 @@ use bevy::{
     camera::{PerspectiveProjection, Projection},
     prelude::*,
 };
-use bevy_restir::{DebugView, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
+use bevy_restir::{DebugView, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
 use bevy_restir_support::{
     bodies,
     exposure::unit_exposure,
@@ -80,7 +80,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     output.check("subsurface")?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for name in &args.scenes {
-        let mut app = Bench::app_in(Path::new("."))?;
+        let mut app = Bench::app_in(Path::new("."), RayBackend::Auto)?;
         let orbit = match name.as_str() {
             "slab" => slab(app.world_mut(), 1),
             "closeup" => slab(app.world_mut(), 1).closer(CLOSER),

@@ -289,7 +289,7 @@ fn planted_faults_fit_the_shaders() {
 }
 
 /// Commands that measure a glTF file and write a table, a report or a picture into `--out`.
-const OF_A_SCENE: [&str; 12] = [
+const OF_A_SCENE: [&str; 13] = [
     "ablate",
     "equal-time",
     "steps",
@@ -298,6 +298,7 @@ const OF_A_SCENE: [&str; 12] = [
     "times",
     "frames",
     "motion",
+    "bias",
     "budget",
     "sweep",
     "presets",
@@ -316,9 +317,18 @@ fn a_missing_scene_and_an_unwritable_folder_give_one_line_and_leave_nothing() {
         assert!(run.stderr.contains("file/tables"), "{command}: {}", run.stderr);
         assert_eq!(folder.files(), ["file"], "{command}");
     }
-    for command in
-        ["scale", "subsurface", "characters", "instances", "rays", "soak", "materials", "fuzz", "broken-files"]
-    {
+    for command in [
+        "scale",
+        "subsurface",
+        "characters",
+        "instances",
+        "rays",
+        "extremes",
+        "soak",
+        "materials",
+        "fuzz",
+        "broken-files",
+    ] {
         folder.lab(&[command, "--out", "file/tables"]).failed(1, command);
         assert_eq!(folder.files(), ["file"], "{command}");
     }
@@ -328,7 +338,10 @@ fn a_missing_scene_and_an_unwritable_folder_give_one_line_and_leave_nothing() {
 fn arguments_that_do_not_fit_each_other_give_exit_code_2() {
     let folder = Folder::without_gpu("lab_arguments");
     let scene = asset("cornell.glb").display().to_string();
-    let wrong: [&[&str]; 14] = [
+    let wrong: [&[&str]; 17] = [
+        &["bias", &scene, "--only", "no such setting"],
+        &["bias", &scene, "--seeds", "1"],
+        &["extremes", "--axes", "time"],
         &["equal-time", &scene, "--set", "jitter=Sometimes"],
         // The row of each technique, and the bounces in the header, would be others than stated.
         &["equal-time", &scene, "--set", "technique=di"],

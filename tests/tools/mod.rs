@@ -2,6 +2,7 @@
 
 mod features;
 mod lab_cli;
+mod lab_tables;
 mod render_aovs;
 mod render_cli;
 mod render_moments;

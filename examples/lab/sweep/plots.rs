@@ -2,16 +2,10 @@
 
 use bevy_restir::Technique;
 use bevy_restir_support::front::{Point, front};
-use plotters::{
-    coord::{Shift, ranged1d::AsRangedCoord},
-    prelude::*,
-};
+use plotters::prelude::*;
 
 use super::{Entry, Sweep, plan};
-
-/// Width and height.
-const SIZE: (u32, u32) = (960, 560);
-const FONT: &str = "sans-serif";
+use crate::plot::{Area, FONT, SIZE, around, chart, drawn, failed, legend};
 
 /// File names, titles and pictures.
 pub fn all(sweep: &Sweep) -> Result<Vec<(&'static str, &'static str, String)>, String> {
@@ -30,23 +24,6 @@ pub fn all(sweep: &Sweep) -> Result<Vec<(&'static str, &'static str, String)>, S
     ])
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
-fn drawn(draw: impl FnOnce(&Area) -> Result<(), String>) -> Result<String, String> {
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        area.fill(&WHITE).map_err(failed)?;
-        draw(&area)?;
-        area.present().map_err(failed)?;
-    }
-    Ok(svg)
-}
-
-fn failed(error: impl core::fmt::Display) -> String {
-    format!("a plot could not be drawn: {error}")
-}
-
 /// The color of a technique.
 fn color(technique: Technique) -> RGBColor {
     match technique {
@@ -58,46 +35,6 @@ fn color(technique: Technique) -> RGBColor {
         // `Technique` is not exhaustive: a new one is black until it has a color here.
         _ => RGBColor(0, 0, 0),
     }
-}
-
-/// A range around values on a logarithmic scale.
-fn around(values: impl Iterator<Item = f64>) -> Result<core::ops::Range<f64>, String> {
-    let shown = values.filter(|v| v.is_finite() && *v > 0.0);
-    let (low, high) = shown.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
-    if low > high { Err("there is nothing to plot".into()) } else { Ok(0.8 * low..1.25 * high) }
-}
-
-/// The number at a line of an axis.
-fn tick(value: f64) -> String {
-    let decimals = (-value.abs().log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.decimals$}")
-}
-
-/// A chart with logarithmic axes.
-fn chart<'a, 'b, X: AsRangedCoord<Value = f64>>(
-    area: &Area<'b>,
-    x: X,
-    y: core::ops::Range<f64>,
-    names: [&str; 2],
-) -> Result<ChartContext<'a, SVGBackend<'b>, Cartesian2d<X::CoordDescType, LogCoord<f64>>>, String>
-where
-    X::CoordDescType: plotters::coord::ranged1d::ValueFormatter<f64>,
-{
-    let mut builder = ChartBuilder::on(area);
-    builder.margin(14).x_label_area_size(42).y_label_area_size(66);
-    let mut chart = builder.build_cartesian_2d(x, y.log_scale()).map_err(failed)?;
-    chart
-        .configure_mesh()
-        .x_desc(names[0])
-        .y_desc(names[1])
-        .axis_desc_style((FONT, 15))
-        .label_style((FONT, 13))
-        .x_label_formatter(&|x| tick(*x))
-        .y_label_formatter(&|y| tick(*y))
-        .light_line_style(RGBColor(240, 240, 240))
-        .draw()
-        .map_err(failed)?;
-    Ok(chart)
 }
 
 /// Every configuration, the front, and the reference tracer with more and more samples.
@@ -178,19 +115,6 @@ fn error_over_frames(sweep: &Sweep, area: &Area) -> Result<(), String> {
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], color.stroke_width(2)));
     }
     legend(&mut chart)
-}
-
-fn legend<'a, X: plotters::coord::ranged1d::Ranged<ValueType = f64>>(
-    chart: &mut ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, LogCoord<f64>>>,
-) -> Result<(), String> {
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .background_style(WHITE.mix(0.85))
-        .border_style(RGBColor(210, 210, 210))
-        .label_font((FONT, 14))
-        .draw()
-        .map_err(failed)
 }
 
 /// The stage of a frame that a pass belongs to: the index of its name in [`STAGES`].
