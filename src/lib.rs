@@ -58,8 +58,8 @@ pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
     RayBackend, Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
-    RestirMaterial, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
-    VisibilityReuse,
+    RestirMaterial, Reuse, ReuseOrder, ShiftedMis, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace,
+    Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -70,7 +70,7 @@ pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths,
         Preset, RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial,
-        RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
+        RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, ShiftedMis, Subsurface, SubsurfaceSampling,
         SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
