@@ -32,6 +32,9 @@ fn only_shifted_paths_have_copied_weights() {
     assert!(copied.1);
     let differing = copied.0.iter().zip(reused.0.iter()).filter(|(a, b)| a != b).count();
     assert!(differing > 512, "{differing} of 1024 pixels");
+    // A weight that is not stored would be 0 or 1.
+    let light = copied.0.mean() / reused.0.mean();
+    assert!((light - 1.0).abs() < 0.1, "{light} times the light");
     assert_eq!(picture(Copied, paths::candidates_only).0, candidates.0);
     assert_eq!(picture(Exact, paths::all_reuse).0, reused.0);
     rig.assert_sound();
