@@ -297,7 +297,8 @@ pub struct GpuCounters {
     pub rays: u32,
     pub non_finite_pixels: u32,
     pub overflow_flags: u32,
-    pub pad: u32,
+    pub light_vertices: u32,
+    pub splats: u32,
     /// By the bit of a guard, over the whole run; the others are of one frame.
     pub guards: [u32; 32],
 }

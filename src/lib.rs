@@ -58,8 +58,8 @@ pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
     RayBackend, Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirExpected,
-    RestirIgnore, RestirMaterial, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace,
-    Technique, VisibilityReuse,
+    RestirIgnore, RestirMaterial, Reuse, ReuseOrder, ShiftedMis, Subsurface, SubsurfaceSampling, SubsurfaceShift,
+    SuffixRetrace, Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -70,7 +70,7 @@ pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths,
         Preset, RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirExpected, RestirIgnore,
-        RestirMaterial, RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, Subsurface,
+        RestirMaterial, RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, ShiftedMis, Subsurface,
         SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }

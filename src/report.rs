@@ -34,6 +34,15 @@ pub struct RestirReport {
     /// Number of rays that all cameras traced in one frame; 0 unless [`RestirStatistics::count_rays`] asks for it.  The counters arrive from
     /// the GPU a few frames late.
     pub rays: u64,
+    /// Number of light paths of a frame, of all cameras ([`Bdpt::light_paths`](crate::Bdpt::light_paths)); 0 for other techniques
+    /// than [`Technique::Bdpt`](crate::Technique::Bdpt).
+    pub light_paths: u64,
+    /// Number of vertices of light paths that camera paths could be connected with, in the frame of [`rays`](Self::rays); counted with the
+    /// rays, on request only.  0 without connections ([`Bdpt::techniques`](crate::Bdpt::techniques)).
+    pub light_vertices: u64,
+    /// Number of vertices of light paths that the cameras saw in that frame, counted likewise.  Of a light path with more than three, all from
+    /// the third on count as one, because one of them stands for all.
+    pub splats: u64,
     /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
     /// Overflows of that frame; 0 unless light may be missing.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps, or
@@ -131,8 +140,8 @@ impl RestirStatistics {
         self.0.shows_settings.store(shows, Ordering::Relaxed);
     }
 
-    /// Counts the rays of all cameras from the next frames on ([`RestirReport::rays`]), or stops to count them.  Rays are not counted by
-    /// default.  Counting leaves pictures and histories as they are.  It takes one more pass, and each pass that traces rays adds to a number
+    /// Counts the rays of all cameras from the next frames on ([`RestirReport::rays`]), and the vertices of light paths
+    /// ([`RestirReport::light_vertices`], [`RestirReport::splats`]), or stops to count them.  Nothing is counted by default.  Counting leaves pictures and histories as they are.  It takes one more pass, and each pass that traces rays adds to a number
     /// in memory for each pixel.  Cameras need other pipelines for it: ask before the first frame if possible, because the count stays as it
     /// was while those are compiled.  [`DebugView::Rays`](crate::DebugView::Rays) and [`DebugView::Guards`](crate::DebugView::Guards) count rays in
     /// any case.
@@ -222,10 +231,12 @@ fn report_scene(report: &mut RestirReport, scene: &SceneBindings) {
 fn report_views(report: &mut RestirReport, views: &ViewPool) {
     report.reservoir_bytes_per_pixel = 0;
     report.samples = 0;
+    report.light_paths = 0;
     for view in views.views.values().filter(|view| view.rendered) {
         report.memory.extend(view.memory());
         report.reservoir_bytes_per_pixel = report.reservoir_bytes_per_pixel.max(view.reservoir_bytes_per_pixel());
         report.samples = view.accumulated + 1;
+        report.light_paths += view.light_paths();
         report.features |= view.key.unwrap_or_default().features.difference(SceneFeatures::RAY_QUERY);
     }
 }
@@ -250,11 +261,15 @@ fn report_counters(report: &mut RestirReport, views: &ViewPool, run: u32) {
         count(&view.resets, &newest);
         if view.rendered {
             counters.rays = counters.rays.saturating_add(newest.rays);
+            counters.light_vertices = counters.light_vertices.saturating_add(newest.light_vertices);
+            counters.splats = counters.splats.saturating_add(newest.splats);
             counters.non_finite_pixels += newest.non_finite_pixels;
             counters.overflow_flags |= newest.overflow_flags;
         }
     }
     report.rays = counters.rays as u64;
+    report.light_vertices = counters.light_vertices as u64;
+    report.splats = counters.splats as u64;
     report.non_finite_pixels = counters.non_finite_pixels as u64;
     report.overflow_flags = counters.overflow_flags;
     report.history_resets = resets.named().collect();

@@ -1,7 +1,7 @@
 //! Cost and error of the techniques with all bounces, compared with the reference tracer at equal time.
 
 use bevy::math::UVec2;
-use bevy_restir::{Restir, Technique};
+use bevy_restir::{Restir, RestirReport, Technique};
 use bevy_restir_support::{arguments, progress::Progress};
 use std::path::PathBuf;
 
@@ -165,7 +165,7 @@ pub fn column(
     let mut first: Option<(&str, f64, Error)> = None;
     for Competitor { name, settings } in competitors {
         let (cost, error) = measured(bench, settings, &errors, &progress)?;
-        let reservoirs = bench.report().reservoir_bytes_per_pixel;
+        let RestirReport { reservoir_bytes_per_pixel, light_paths, light_vertices, splats, .. } = bench.report();
         let samples = cost.lighting() / sample.lighting();
         let whole = match samples.round() as u32 {
             0 => Error::UNKNOWN,
@@ -176,9 +176,15 @@ pub fn column(
             Detail::Passes => passes(name, &cost),
             Detail::Stages => vec![stages(name, &cost)],
         });
+        if light_paths > 0 {
+            let [paths, vertices, splats] = [light_paths, light_vertices, splats].map(|count| count as f64);
+            let figures =
+                [("", Unit::Count, paths), ("vertices", Unit::Count, vertices), ("seen", Unit::Count, splats)];
+            rows.push(row("light paths", &figures));
+        }
         rows.extend([
             row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
-            row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
+            row("reservoirs", &[("", Unit::BytesAPixel, reservoir_bytes_per_pixel as f64)]),
             row(
                 "error",
                 &[

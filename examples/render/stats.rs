@@ -52,6 +52,9 @@ fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), fra
         "cpu_ms_median": median(&frames.cpu_ms),
         "cpu_stages": frames.stages.iter().map(|(name, ms)| json!({"name": name, "ms_last_frame": ms})).collect::<Vec<_>>(),
         "rays_per_frame": report.rays,
+        "light_paths_per_frame": report.light_paths,
+        "light_vertices_per_frame": report.light_vertices,
+        "splats_per_frame": report.splats,
         "memory": {
             "total_bytes": total,
             "reservoir_bytes_per_pixel": report.reservoir_bytes_per_pixel,

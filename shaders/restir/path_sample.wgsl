@@ -27,7 +27,8 @@ struct PathSample {
     wi: vec3<f32>,            // direction after vertex k; direction of the environment where the path ends there
     radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k, and by the
                               // coefficient of 1 (`path/technique_weights.wgsl`); its missing factor is `stored_weight`
-    mis_coefficients: vec2<f32>,  // the coefficients of 1/p and S/p, divided by that of 1 (`stored_weight`)
+    mis_coefficients: vec2<f32>,  // the coefficients of 1/p and S/p, divided by that of 1 (`stored_weight`); with COPIED_MIS the path's
+                              // MIS weight in the pixel that sampled it, and 0: the radiance is divided by densities only
     light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
     density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
                               // of the direction after it, solid angle; denominator of the shift's Jacobian (Lin et al. 2026,
@@ -92,6 +93,33 @@ fn with_light_of(s: PathSample, radiance: vec3<f32>, mis_coefficients: vec2<f32>
     return p;
 }
 
+// COPIED_MIS (`Bdpt::mis`): a shift copies the MIS weight of the path, which the path stores in place of coefficients (Hedstrom et al. 2025, 6.4).
+#ifdef COPIED_MIS
+const COPIES_MIS: bool = true;
+
+// The path with the light behind its reconnection vertex.
+fn with_suffix(s: PathSample, radiance: vec3<f32>, coefficients: vec3<f32>) -> PathSample {
+    var path = s;
+    path.radiance = radiance;
+    return path;
+}
+
+// A new path with its MIS weight.
+fn with_mis_weight(s: PathSample, weight: f32) -> PathSample {
+    var path = s;
+    path.mis_coefficients = vec2<f32>(weight, 0.0);
+    return path;
+}
+
+// A shifted path with the MIS weight of the path that it is a shift of.
+fn with_mis_of(shifted: PathSample, s: PathSample) -> PathSample {
+    var path = shifted;
+    path.mis_coefficients = s.mis_coefficients;
+    return path;
+}
+#else
+const COPIES_MIS: bool = false;
+
 // The path with the light behind its reconnection vertex.  `coefficients`: its MIS coefficients (`path/technique_weights.wgsl`).
 fn with_suffix(s: PathSample, radiance: vec3<f32>, coefficients: vec3<f32>) -> PathSample {
     var path = s;
@@ -99,6 +127,15 @@ fn with_suffix(s: PathSample, radiance: vec3<f32>, coefficients: vec3<f32>) -> P
     path.mis_coefficients = coefficients.yz / coefficients.x;
     return path;
 }
+
+fn with_mis_weight(s: PathSample, weight: f32) -> PathSample {
+    return s;
+}
+
+fn with_mis_of(shifted: PathSample, s: PathSample) -> PathSample {
+    return shifted;
+}
+#endif
 
 // Barycentrics of a new vertex.  A vertex that may become the reconnection vertex is rounded as a reservoir stores it, so that the path
 // that is weighted is the one that is stored.

@@ -6,7 +6,8 @@ struct Counters {
     rays: atomic<u32>,
     non_finite_pixels: atomic<u32>,
     overflow_flags: atomic<u32>,
-    pad: u32,
+    light_vertices: atomic<u32>,
+    splats: atomic<u32>,
     // Of the whole run: for each bit of a guard, the sum over frames of the pixels that raised it.
     guards: array<atomic<u32>, 32>,
 }

@@ -56,6 +56,7 @@ features! {
     SUBSURFACE = 13, "Subsurface scattering.";
     CONNECTIONS = 31, "The camera's settings connect camera paths with light paths.";
     LIGHT_SHAPES = 29, "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
+    COPIED_MIS = 33, "The camera's settings copy the MIS weights of shifted paths.";
     COUNT_RAYS = 32, "Rays are counted, because the app asks for it or a debug view shows it.";
 }
 

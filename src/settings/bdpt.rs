@@ -24,6 +24,22 @@ pub enum LightTechniques {
     NoLightTracing,
 }
 
+/// MIS weights of camera paths that [`Technique::Bdpt`](super::Technique::Bdpt) shifts to another pixel or frame.  Light paths that the camera
+/// sees are replayed as a whole, with weights of their own in both variants.  (Hedstrom et al. 2025, 6.4; the paper copies weights between
+/// pixels only, because it traces all paths of the last frame again.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
+#[non_exhaustive]
+pub enum ShiftedMis {
+    /// The weight of the shifted path.  No bias.
+    #[default]
+    Exact,
+    /// The weight that the path had in the pixel that sampled it.  Biased.  Saves the arithmetic of weights in shifts, and neither rays nor
+    /// memory.
+    Copied,
+}
+
 /// Settings of [`Technique::Bdpt`](super::Technique::Bdpt).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
@@ -36,6 +52,8 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// Uses of light paths.  Default: [`LightTechniques::Full`].
     pub techniques: LightTechniques,
+    /// MIS weights of shifted paths.  Default: [`ShiftedMis::Exact`].
+    pub mis: ShiftedMis,
     /// MIS weights count a resampled camera path as this many samples, because pixels share camera paths but not light paths.  They count a
     /// connection as the square root of this number.  For light that arrives by a mirror or through glass, which next-event estimation cannot
     /// find, the factor favors the light path.  Larger values give less noise in light that resampling finds well, and more where light paths
@@ -46,7 +64,7 @@ pub struct Bdpt {
 
 impl Default for Bdpt {
     fn default() -> Self {
-        Self { light_paths: 1.0, techniques: LightTechniques::default(), reuse_gain: 16.0 }
+        Self { light_paths: 1.0, techniques: LightTechniques::default(), mis: ShiftedMis::default(), reuse_gain: 16.0 }
     }
 }
 

@@ -17,7 +17,7 @@ mod stand_in;
 mod subsurface;
 mod validate;
 
-pub use bdpt::{Bdpt, LightTechniques};
+pub use bdpt::{Bdpt, LightTechniques, ShiftedMis};
 pub use budget::RestirBudget;
 pub(crate) use budget::{Reduction, least_scale};
 pub use debug_view::DebugView;
@@ -211,6 +211,11 @@ impl Restir {
     /// Whether camera paths are connected with light paths.
     pub(crate) fn connects_light_paths(&self) -> bool {
         self.technique == Technique::Bdpt && self.bdpt.connects()
+    }
+
+    /// Whether shifted paths keep the MIS weights of the paths that they are shifts of.
+    pub(crate) fn copies_mis_weights(&self) -> bool {
+        self.technique == Technique::Bdpt && self.bdpt.mis == ShiftedMis::Copied
     }
 
     /// Whether frames without Bevy's jitter are jittered.  `shows_earlier`: pixels without a surface show what lies behind the image.

@@ -19,6 +19,9 @@ const DEFS: &[&str] = &["LIGHT_PATHS"];
 /// Rays between the camera and light sub-paths pass sides of surfaces that it does not draw.
 const DRAWN_SIDES: &[&str] = &["DRAWN_SIDES"];
 
+/// Resources of debug views that count light sub-paths (`shaders/restir/bdpt/light_counts.wgsl`).
+const DEBUG_LIGHT_COUNTS: &[R] = &[R::Settings, R::LightVerticesRead, R::LightMapRead, R::Radiance];
+
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("bdpt"),
@@ -42,7 +45,7 @@ const DOMAIN: &Domain = &Domain {
         },
         DebugPass {
             shows: |view| view == DebugView::LightVertices,
-            pass: ComputePass::per_pixel("debug_light_vertices", &[R::Settings, R::LightVerticesRead, R::Radiance]),
+            pass: ComputePass::per_pixel("debug_light_vertices", DEBUG_LIGHT_COUNTS),
         },
     ],
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
@@ -72,7 +75,7 @@ const SPLATS: &Domain = &Domain {
         DebugPass { shows: DebugView::is_of_light_paths, pass: domain::debug("splats_debug", "debug_splats", &[]) },
         DebugPass {
             shows: |view| view == DebugView::LightPathCounts,
-            pass: ComputePass::per_pixel("debug_light_map", &[R::LightMapRead, R::Radiance]),
+            pass: ComputePass::per_pixel("debug_light_map", DEBUG_LIGHT_COUNTS),
         },
     ],
     reservoir_bytes: SPLAT_RESERVOIR_SIZE,

@@ -35,6 +35,13 @@ pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
     ],
 );
 const STATISTICS: ComputePass = ComputePass::per_pixel("statistics", &[R::Counters]);
+/// In frames that trace light sub-paths.
+const STATISTICS_OF_LIGHT_PATHS: ComputePass = ComputePass {
+    name: "statistics_of_light_paths",
+    defs: &["COUNT_LIGHT_PATHS"],
+    resources: &[R::Settings, R::LightVerticesRead, R::LightMapRead, R::Counters],
+    ..STATISTICS
+};
 
 /// The content of a frame's picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -215,7 +222,11 @@ impl Frame {
         self.push_steps_of_picture(&mut steps);
         // The passes that write light count guards themselves where this one does not follow.
         if self.counts_rays || self.show != Show::Light {
-            steps.push(compute(&STATISTICS, None));
+            let traces_light = |&&domain: &&&'static Domain| self.counts_rays && domain.light_paths.is_some();
+            steps.push(match domains.iter().find(traces_light) {
+                Some(&domain) => Step { name: STATISTICS.name, ..compute(&STATISTICS_OF_LIGHT_PATHS, Some(domain)) },
+                None => compute(&STATISTICS, None),
+            });
         }
         steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
         steps
@@ -289,7 +300,8 @@ impl PipelineKey {
         let of_settings = SceneFeatures::ENERGY_COMPENSATION
             | SceneFeatures::MANY_NEIGHBORS
             | SceneFeatures::SPLIT_LIGHT
-            | SceneFeatures::CONNECTIONS;
+            | SceneFeatures::CONNECTIONS
+            | SceneFeatures::COPIED_MIS;
         // This also clears `images`, so that new settings do not wait for the passes of optical images.
         let without_scene = |frame: Frame| frame.of_scene(SceneFeatures::empty());
         without_scene(self.frame) == without_scene(wanted.frame)
@@ -308,14 +320,15 @@ impl PipelineKey {
     }
 
     /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Connections change the weights of all
-    /// paths.  Other features do not matter: a feature adds code for its own subject, and leaves all other code and its random numbers
+    /// paths, and copied weights are stored in place of other numbers.  Other features do not matter: a feature adds code for its own subject, and leaves all other code and its random numbers
     /// unchanged.  Pairs, the denoiser and counts of rays do not matter, because reservoirs hold nothing of theirs.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
         let key = |frame| {
             let (pairing, compacts, filter_iterations, images, counts_rays) = Default::default();
             Frame { pairing, compacts, filter_iterations, images, counts_rays, ..frame }
         };
-        key(self.frame) == key(last.frame) && !(self.features ^ last.features).contains(SceneFeatures::CONNECTIONS)
+        let of_weights = SceneFeatures::CONNECTIONS | SceneFeatures::COPIED_MIS;
+        key(self.frame) == key(last.frame) && !(self.features ^ last.features).intersects(of_weights)
     }
 
     /// Whether these pipelines sample paths that those of another key never sampled, such as paths to the first point light.  That light was

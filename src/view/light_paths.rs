@@ -98,6 +98,11 @@ impl LightPaths {
         self.counts == counts
     }
 
+    /// Number of sub-paths of a frame.
+    pub(super) fn count(&self) -> u64 {
+        u64::from(self.counts.light_paths)
+    }
+
     /// Names and bytes.
     pub(super) fn memory(&self) -> [(&'static str, u64); 2] {
         [("light vertices", self.texels * 16), ("light map", self.heads + self.mapped * SPLATS_SIZE)]

@@ -19,7 +19,7 @@ use super::{
     extract::{ExtractedEnvironment, ExtractedRestir},
     history::{FrameInputs, History, traces_light},
     image_state::{ImageState, Reset, ResetCounts},
-    light_paths::LightPathCounts,
+    light_paths::{LightPathCounts, LightPaths},
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
     shown_surfaces::Surfaces,
@@ -384,6 +384,11 @@ impl RestirView {
         memory.extend(self.shown.iter().map(|_| ("shown surfaces", Surfaces::bytes(self.target_size))));
         memory.extend(self.history.iter().flat_map(History::memory));
         memory
+    }
+
+    /// Number of light sub-paths of a frame.
+    pub(crate) fn light_paths(&self) -> u64 {
+        self.history.as_ref().and_then(|history| history.light_paths.as_ref()).map_or(0, LightPaths::count)
     }
 
     /// Bytes of reservoirs per pixel.

@@ -72,6 +72,7 @@ pub(crate) fn requested_key(
     let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;
     features.set(SceneFeatures::SPLIT_LIGHT, splits_light);
     features.set(SceneFeatures::CONNECTIONS, restir.settings.connects_light_paths());
+    features.set(SceneFeatures::COPIED_MIS, restir.settings.copies_mis_weights());
     features.set(SceneFeatures::COUNT_RAYS, counts_rays || restir.settings.debug_view.shows_counts());
     let frame = Frame::of(&restir.settings).of_scene(features);
     // No shader depends on it.

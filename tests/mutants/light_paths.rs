@@ -10,6 +10,9 @@ const CAUSTICS: &[&str] = &["reused_caustics_equal"];
 const ALONE: &[&str] = &["light_paths_alone"];
 const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
 const CONNECTED: &[&str] = &["connected_paths_return_unchanged_from_other_pixels"];
+const COPIED: &[&str] = &["only_shifted_paths_have_copied_weights"];
+const COPIED_CONNECTIONS: &[&str] = &["connected_paths_with_copied_weights_return_unchanged"];
+const COUNTED: &[&str] = &["views_of_light_paths_count_those_that_are_seen"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
 
 pub const MUTANTS: &[Mutant] = &[
@@ -169,6 +172,34 @@ pub const MUTANTS: &[Mutant] = &[
         "path.mis_coefficients = k.mis_ratios;",
         "path.mis_coefficients = k.mis_ratios.yx;",
         CONNECTED,
+    ),
+    mutant(
+        "paths store no MIS weight that shifts could copy",
+        "restir/path_sample.wgsl",
+        "path.mis_coefficients = vec2<f32>(weight, 0.0);",
+        "path.mis_coefficients = vec2<f32>(1.0, 0.0);",
+        COPIED,
+    ),
+    mutant(
+        "a connection that is shifted loses its copied weight",
+        "restir/shift/path_end.wgsl",
+        "(*w).path = with_mis_of(with_connection(s, k), s);",
+        "(*w).path = with_connection(s, k);",
+        COPIED_CONNECTIONS,
+    ),
+    mutant(
+        "a light path that is traced again loses its copied weight",
+        "restir/connection/connection.wgsl",
+        "Retraced(with_mis_of(with_light_vertex(path, vertex), path), vertex.events > 0u)",
+        "Retraced(with_light_vertex(path, vertex), vertex.events > 0u)",
+        COPIED_CONNECTIONS,
+    ),
+    mutant(
+        "the report has the vertices in the cache, and not those that they stand for",
+        "pass/statistics.wgsl",
+        "vertices_traced_by(index).y",
+        "vertices_traced_by(index).x",
+        COUNTED,
     ),
     mutant(
         "connections are weighed like light paths that the camera sees",

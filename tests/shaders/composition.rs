@@ -38,6 +38,7 @@ fn variants(path: &str) -> &'static [Option<&'static str>] {
         "pass/reference.wgsl" => &[None, Some("SHOWS_RAYS"), Some("SHOWS_BOUNCES")],
         "pass/resolve.wgsl" => &[None, Some("TO_DENOISER")],
         "pass/debug_counts.wgsl" => &[None, Some("SHOWS_GUARDS")],
+        "pass/statistics.wgsl" => &[None, Some("COUNT_LIGHT_PATHS")],
         "pass/reuse.wgsl for restir/pt" | "pass/reuse.wgsl for restir/gi" => &[None, Some("PAIRED")],
         _ if path.starts_with("pass/pair_shifts.wgsl for ") => &[None, Some("DEFERS_REPLAYS"), Some("FROM_QUEUE")],
         _ => &[None],
@@ -65,7 +66,7 @@ fn covering_set() -> Vec<SceneFeatures> {
         let best = (0..64)
             .map(|_| {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                SceneFeatures::from_bits_truncate(state >> 31)
+                SceneFeatures::from_bits_truncate(state >> 30)
             })
             .max_by_key(|s| pairs(*s).difference(&covered).count())
             .expect("there are candidates");
@@ -126,7 +127,7 @@ fn features_that_a_pass_does_not_read_leave_its_module_as_it_is() {
     assert!(reads("reuse", &["restir/pt"]).contains(SceneFeatures::MANY_NEIGHBORS | SceneFeatures::TEXTURES));
     assert!(!reads("path_candidates", &["restir/pt"]).contains(SceneFeatures::MANY_NEIGHBORS));
     assert!(!reads("presample", &[]).intersects(SceneFeatures::CLEARCOAT | SceneFeatures::CONNECTIONS));
-    assert_eq!(reads("statistics", &[]), SceneFeatures::COUNT_RAYS);
+    assert_eq!(reads("statistics", &[]), SceneFeatures::COUNT_RAYS | SceneFeatures::CONNECTIONS);
 }
 
 fn check(sets: &[SceneFeatures]) {

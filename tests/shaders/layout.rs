@@ -202,7 +202,11 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
         }
     );
     let counters = module("view/counter_bindings.wgsl");
-    agrees!(counters, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad, guards });
+    agrees!(
+        counters,
+        "Counters",
+        GpuCounters { rays, non_finite_pixels, overflow_flags, light_vertices, splats, guards }
+    );
 }
 
 #[test]

@@ -9,8 +9,8 @@ use super::{
 };
 use bevy::math::Vec3;
 use bevy_restir::{
-    Denoiser, Direct, Jitter, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique,
-    testing::plant_shader_defs,
+    Denoiser, Direct, Jitter, LightTechniques, Paths, Preset, Research, Restir, ShiftedMis, SubsurfaceSampling,
+    Technique, testing::plant_shader_defs,
 };
 use std::{
     collections::HashMap,
@@ -72,6 +72,13 @@ impl Subject for Bidirectional {
     fn apply_to(&self, settings: &mut Restir) {
         self.1.apply_to(settings);
         (settings.technique, settings.bdpt.techniques) = (Technique::Bdpt, self.0);
+    }
+}
+
+impl Subject for (ShiftedMis, Bidirectional) {
+    fn apply_to(&self, settings: &mut Restir) {
+        self.1.apply_to(settings);
+        settings.bdpt.mis = self.0;
     }
 }
 

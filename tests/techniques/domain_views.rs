@@ -189,7 +189,7 @@ fn views_of_light_paths_count_those_that_are_seen_and_stored_vertices() {
     let angle: f32 = 0.3;
     rig.spawn_bundle(SpotLight { intensity: 60.0, outer_angle: angle, inner_angle: 0.1, ..default() });
     rig.insert(rig.camera, orthographic(6.0, 6.0));
-    let mut show = |techniques, bounces, debug_view| {
+    let show = |rig: &mut Rig, techniques, bounces, debug_view| {
         let bdpt = Bdpt { light_paths: 2.0, techniques, ..default() };
         let paths = paths::temporal();
         rig.set(|r| *r = Restir { technique: Technique::Bdpt, bdpt, paths, bounces, debug_view, ..plain() });
@@ -197,7 +197,7 @@ fn views_of_light_paths_count_those_that_are_seen_and_stored_vertices() {
     };
 
     // One event each: as many arrive in the picture as start.
-    let counts = show(Lightweight, 1, DebugView::LightPathCounts);
+    let counts = show(&mut rig, Lightweight, 1, DebugView::LightPathCounts);
     assert_eq!(counts.iter().map(|(_, c)| c.x).sum::<f32>(), (2 * SIZE * SIZE) as f32);
     let pixel = 6.0 / SIZE as f32;
     // Pixels beyond the cone, which the wall cuts 6 m away.
@@ -214,10 +214,33 @@ fn views_of_light_paths_count_those_that_are_seen_and_stored_vertices() {
         (Full, 1, DebugView::LightVertices, Vec3::ZERO),
         (Lightweight, 3, DebugView::LightVertices, Vec3::ZERO),
     ] {
-        let picture = show(techniques, bounces, debug_view);
+        let picture = show(&mut rig, techniques, bounces, debug_view);
         let wrong = picture.iter().find(|(_, c)| *c != expected);
         assert!(wrong.is_none(), "{techniques:?}, {bounces} bounces, {debug_view:?}: {wrong:?}");
     }
+
+    // The report has the sums of these views.  All frames have the same counts, which arrive some frames late.
+    let pixels = u64::from(SIZE * SIZE);
+    for (techniques, bounces, vertices, splats) in
+        [(Lightweight, 1, 0, Some(2)), (NoLightTracing, 3, 4, Some(0)), (Full, 1, 0, Some(2)), (Full, 3, 4, None)]
+    {
+        show(&mut rig, techniques, bounces, DebugView::Off);
+        rig.frames(4);
+        let report = rig.report();
+        let counts = (report.light_paths, report.light_vertices);
+        assert_eq!(counts, (2 * pixels, vertices * pixels), "{techniques:?}, {bounces} bounces");
+        let seen = report.splats;
+        assert!(
+            splats.map_or(seen > 2 * pixels, |splats| seen == splats * pixels),
+            "{techniques:?}, {bounces} bounces: {seen}"
+        );
+    }
+    // Such counts are not kept on from frames with light paths.
+    rig.set(|r| r.technique = Technique::Pt);
+    rig.until_ready();
+    rig.frames(6);
+    let report = rig.report();
+    assert_eq!((report.light_paths, report.light_vertices, report.splats), (0, 0, 0));
     rig.assert_sound();
 }
 

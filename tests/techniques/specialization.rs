@@ -18,6 +18,7 @@ const LEFT_OUT: SceneFeatures = SceneFeatures::RAY_QUERY
     .union(SceneFeatures::SUBSURFACE)
     .union(SceneFeatures::ENERGY_COMPENSATION)
     .union(SceneFeatures::SPLIT_LIGHT)
+    .union(SceneFeatures::COPIED_MIS)
     .union(SceneFeatures::ANISOTROPY)
     .union(SceneFeatures::ATTENUATION);
 

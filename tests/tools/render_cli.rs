@@ -363,7 +363,7 @@ fn environments_light_by_color_and_by_file() {
 }
 
 /// Fields of the file of `--stats`.
-const STATISTICS: [&str; 23] = [
+const STATISTICS: [&str; 26] = [
     "adapter",
     "backend",
     "technique",
@@ -376,6 +376,9 @@ const STATISTICS: [&str; 23] = [
     "cpu_ms_median",
     "cpu_stages",
     "rays_per_frame",
+    "light_paths_per_frame",
+    "light_vertices_per_frame",
+    "splats_per_frame",
     "memory",
     "pipelines",
     "uploaded_bytes_last_frame",

@@ -63,6 +63,7 @@ const SETTINGS: SceneFeatures = SceneFeatures::ENERGY_COMPENSATION
     .union(SceneFeatures::MANY_NEIGHBORS)
     .union(SceneFeatures::SPLIT_LIGHT)
     .union(SceneFeatures::CONNECTIONS)
+    .union(SceneFeatures::COPIED_MIS)
     .union(SceneFeatures::RAY_QUERY);
 
 pub fn run(args: &Args) -> Result<(), String> {

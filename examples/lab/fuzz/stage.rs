@@ -2,7 +2,7 @@
 
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
 use bevy_restir::{
-    BiasCorrection, Denoiser, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics,
+    BiasCorrection, Denoiser, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, ShiftedMis,
     SuffixRetrace, Technique, VisibilityReuse,
     testing::{check_mirror, lengths::table_lengths},
 };
@@ -47,6 +47,7 @@ fn unbiased(settings: &Restir) -> Restir {
     settings.direct.bsdf_candidate = true;
     settings.direct.bias_correction = BiasCorrection::HeuristicsAndUnbiasedMis;
     settings.direct.visibility = VisibilityReuse::Resampled;
+    settings.bdpt.mis = ShiftedMis::Exact;
     settings.paths.suffix_retrace = SuffixRetrace::BothWays;
     settings.paths.assume_diffuse_secondary = false;
     settings.paths.decorrelation = 0.0;

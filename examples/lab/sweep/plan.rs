@@ -154,7 +154,8 @@ const LIGHT_PATHS: [Row; 2] = [
     ("no connections", "bdpt.techniques=Lightweight"),
 ];
 
-const MORE_LIGHT_PATHS: [Row; 3] = [
+const MORE_LIGHT_PATHS: [Row; 4] = [
+    ("copied MIS weights", "bdpt.mis=Copied"),
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
     ("a quarter of the light paths", "bdpt.light_paths=0.25"),
     ("half the width and height", "resolution_scale=0.5"),

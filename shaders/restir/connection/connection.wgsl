@@ -19,7 +19,7 @@
 #import bevy_restir::path::walk::{step_medium, Vertex}
 #import bevy_restir::restir::connection::light_sub_path::replayed_sub_path
 #import bevy_restir::restir::connection::light_vertex::{LightVertex, newest_vertex}
-#import bevy_restir::restir::path_sample::TERMINATION_CONNECTION
+#import bevy_restir::restir::path_sample::{TERMINATION_CONNECTION, with_mis_of}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
@@ -157,7 +157,7 @@ fn stored_connection(v: Vertex, path: PathSample) -> Connection {
 // A path that stores a light vertex or ends with a connection, with the light vertex that its light sub-path finds in a scene that has changed.
 fn retraced(path: PathSample, previous: bool) -> Retraced {
     let vertex = replayed_light_vertex(path, previous);
-    return Retraced(with_light_vertex(path, vertex), vertex.events > 0u);
+    return Retraced(with_mis_of(with_light_vertex(path, vertex), path), vertex.events > 0u);
 }
 #else
 fn ends_with_connection(path: PathSample) -> bool {

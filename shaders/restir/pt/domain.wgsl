@@ -177,10 +177,16 @@ fn apply_shift(s: Reservoir, r: ShiftResult) -> Reservoir {
 }
 
 // Whether p̂ in the sample's own pixel is known from the reservoir.  It is that of the last frame's scene, so that motion of objects leaves it
-// as it is; but its MIS weights contain the probabilities of lights, and all pixels must use the same ones.
+// as it is; but its MIS weights contain the probabilities of lights, and all pixels must use the same ones.  Copied weights stay as they are.
+#ifdef COPIED_MIS
+fn stores_target() -> bool {
+    return true;
+}
+#else
 fn stores_target() -> bool {
     return !has(RESAMPLE_MOVED) || has(RESAMPLE_SAME_DENSITIES);
 }
+#endif
 
 fn stored_target(s: Reservoir) -> f32 {
     return s.path.target_value;

@@ -26,7 +26,7 @@
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of, useful_candidates}
-#import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics, with_suffix}
+#import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics, with_mis_weight, with_suffix}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::types::RESAMPLE_NO_ROULETTE
@@ -268,7 +268,8 @@ fn add_nee(
         return;
     }
     let coefficients = mis_sum_of_nee((*c).state, v, nee.light, nee.pdf_bsdf, index, p.counts);
-    let f = nee.f * weight_of(coefficients, (*c).state);
+    let weight = weight_of(coefficients, (*c).state);
+    let f = nee.f * weight;
     var path = (*c).prefix;
     path.termination = TERMINATION_NEE;
     path.light = selected.point;
@@ -280,7 +281,7 @@ fn add_nee(
         // The point on the light is kept as it is; no density depends on the vertex before it.
         path.reconnection = index + 1u;
     }
-    add_candidate(c, path, (*c).throughput * f, selected.ucw * NEE_SHARE, rng_1(rng));
+    add_candidate(c, with_mis_weight(path, weight), (*c).throughput * f, selected.ucw * NEE_SHARE, rng_1(rng));
 }
 
 #ifdef CONNECTIONS
@@ -305,8 +306,9 @@ fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVerte
         let reconnected_here = reconnected((*c).prefix, before, factor_at((*c).prefix, before, v) * (*c).choice_probability, index);
         path = with_connection(with_end_of(reconnected_here, path), k);
     }
-    let f = (*c).throughput * value * weight_of(coefficients, (*c).state);
-    add_candidate(c, path, f, f32(chosen.count) / light_pmf(chosen.light) * CONNECTION_SHARE, rng_1(rng));
+    let weight = weight_of(coefficients, (*c).state);
+    let f = (*c).throughput * value * weight;
+    add_candidate(c, with_mis_weight(path, weight), f, f32(chosen.count) / light_pmf(chosen.light) * CONNECTION_SHARE, rng_1(rng));
 }
 #else
 fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVertex, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
@@ -439,7 +441,8 @@ fn add_bsdf_hit(
     if path.reconnection != 0u && path.reconnection <= index {
         path = with_suffix(path, (*c).suffix * radiance, coefficients);
     }
-    add_candidate(c, path, (*c).throughput * radiance * weight_of(coefficients, (*c).state), HIT_SHARE, u);
+    let weight = weight_of(coefficients, (*c).state);
+    add_candidate(c, with_mis_weight(path, weight), (*c).throughput * radiance * weight, HIT_SHARE, u);
 }
 
 // `triangle_factor` of the newest vertex of a prefix that has no reconnection vertex yet.

@@ -16,11 +16,11 @@
 #import bevy_restir::path::random::{DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::ray_between
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, emitter_sample, state_at, state_of_ray, stored_weight}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, emitter_sample, state_at, state_of_ray}
 #import bevy_restir::path::walk::{drawn_step, given_step, no_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::connection::connection::{ends_with_connection, stores_light_vertex}
-#import bevy_restir::restir::path_sample::{PathSample, shift_result, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
-#import bevy_restir::restir::shift::path_end::{end_on_light, end_with_connection, end_with_nee, ends_on_analytic_light, hit_analytic_light, hit_environment, require_same_end, Walk}
+#import bevy_restir::restir::path_sample::{COPIES_MIS, PathSample, shift_result, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
+#import bevy_restir::restir::shift::path_end::{end_on_light, end_with_connection, end_with_nee, ends_on_analytic_light, hit_analytic_light, hit_environment, require_same_end, stored_weight_of_shifted, Walk}
 #import bevy_restir::restir::shift::reconnection::{is_connectable_by, is_connectable_end, previous_vertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShiftedPath, with_shadow_ray}
 #import bevy_restir::scene::cone::Cone
@@ -86,7 +86,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         let medium = step_medium((*w).v, step.wi);
         take_step(w, s, index, step, c);
         if index == s.reconnection && !retrace {
-            (*w).f = (*w).throughput * s.radiance * stored_weight(s.mis_coefficients, (*w).state);
+            (*w).f = (*w).throughput * s.radiance * stored_weight_of_shifted(s, (*w).state);
             return;
         }
 
@@ -135,7 +135,9 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         if is_last && (*w).reason == SHIFT_OK {
             end_on_light(w, s, index, step, n.emission, emitter_sample(n, step.wi, instance, triangle, at.position, previous), c);
         }
-        (*w).state = state_at((*w).state, n, step.wi, at.position, c.counts);
+        if !COPIES_MIS {
+            (*w).state = state_at((*w).state, n, step.wi, at.position, c.counts);
+        }
         if is_last || (*w).reason != SHIFT_OK {
             return;
         }
@@ -184,7 +186,7 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
     }
     if is_reconnection && !retrace {
         // The point of entry does not depend on the path before: the stored radiance contains all that follows.
-        (*w).f = (*w).throughput * s.radiance * stored_weight(s.mis_coefficients, (*w).state);
+        (*w).f = (*w).throughput * s.radiance * stored_weight_of_shifted(s, (*w).state);
         return false;
     }
     let entry = replayed_entry(v, s.seed, index, previous);
@@ -263,7 +265,9 @@ fn require_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, 
 // Updates the state and the throughput, or the suffix after the reconnection vertex; and the density by the steps to that vertex and from it.
 fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) {
     let is_after = s.reconnection != 0u && (index > s.reconnection || (index == s.reconnection && (*w).below));
-    (*w).state = state_of_ray((*w).state, (*w).v, step, index == s.reconnection && !(*w).below);
+    if !COPIES_MIS {
+        (*w).state = state_of_ray((*w).state, (*w).v, step, index == s.reconnection && !(*w).below);
+    }
     multiply(w, step.weight, is_after);
     if is_after {
         return;

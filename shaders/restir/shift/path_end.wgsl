@@ -15,9 +15,9 @@
 #import bevy_restir::path::nee::nee_contribution
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, path_alpha_seed}
 #import bevy_restir::path::shadow_ray::ray_to_light
-#import bevy_restir::path::technique_weights::{CameraState, mis_sum_of_hit, mis_sum_of_nee, weight_of}
+#import bevy_restir::path::technique_weights::{CameraState, mis_sum_of_hit, mis_sum_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{Step, Vertex}
-#import bevy_restir::restir::path_sample::{PathSample, with_suffix}
+#import bevy_restir::restir::path_sample::{COPIES_MIS, PathSample, with_mis_of, with_suffix}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, light_factor, PreviousVertex, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{SHIFT_EARLIER_CONNECTABLE, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, with_shadow_ray}
 #ifdef CONNECTIONS
@@ -37,7 +37,7 @@ struct Walk {
     reason: u32,
     f: vec3<f32>,
     path: PathSample,         // with the fields that the shift changes
-    state: CameraState,       // of the current vertex, and then of the ray that leaves it
+    state: CameraState,       // of the current vertex, and then of the ray that leaves it; unused where the MIS weight is copied
     below: bool,              // the current vertex is a point where light enters a body
 }
 
@@ -119,12 +119,36 @@ fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
 
 // Contribution of a path whose last ray hit a light.  `l`: the sample with which NEE at the vertex before would have found the same point.
 fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, l: LightSample, c: ShiftParameters) {
-    end_path(w, s, index, radiance, mis_sum_of_hit((*w).state, l, step.delta, index, c.counts));
+    // This sum checks its numbers; the compiler removes the other sums where weights are copied.
+    var coefficients = vec3<f32>(1.0, 0.0, 0.0);
+    if !COPIES_MIS {
+        coefficients = mis_sum_of_hit((*w).state, l, step.delta, index, c.counts);
+    }
+    end_path(w, s, index, radiance, coefficients);
 }
+
+// The MIS weight of the shifted path, with these coefficients of its own or with those that the path stores.
+#ifdef COPIED_MIS
+fn weight_of_shifted(s: PathSample, coefficients: vec3<f32>, state: CameraState) -> f32 {
+    return s.mis_coefficients.x;
+}
+
+fn stored_weight_of_shifted(s: PathSample, state: CameraState) -> f32 {
+    return s.mis_coefficients.x;
+}
+#else
+fn weight_of_shifted(s: PathSample, coefficients: vec3<f32>, state: CameraState) -> f32 {
+    return weight_of(coefficients, state);
+}
+
+fn stored_weight_of_shifted(s: PathSample, state: CameraState) -> f32 {
+    return stored_weight(s.mis_coefficients, state);
+}
+#endif
 
 // Contribution of a path that ends with this radiance at the vertex of this index, or behind it.
 fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, coefficients: vec3<f32>) {
-    (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of(coefficients, (*w).state);
+    (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of_shifted(s, coefficients, (*w).state);
     (*w).path = with_suffix((*w).path, (*w).suffix * radiance, coefficients);
 }
 
@@ -180,10 +204,10 @@ fn end_with_connection(w: ptr<function, Walk>, s: PathSample, index: u32, c: Shi
     }
     let coefficients = mis_sum_of_connection((*w).state, v, k.wi, k.pdf, k.mis_ratios);
     if stores_light_vertex(s) {
-        (*w).f = (*w).throughput * k.f * k.light * weight_of(coefficients, (*w).state);
+        (*w).f = (*w).throughput * k.f * k.light * weight_of_shifted(s, coefficients, (*w).state);
     } else if index == s.reconnection && !(*w).below {
-        (*w).path = with_connection(s, k);
-        (*w).f = (*w).throughput * k.f * k.light * weight_of(coefficients, (*w).state);
+        (*w).path = with_mis_of(with_connection(s, k), s);
+        (*w).f = (*w).throughput * k.f * k.light * weight_of_shifted(s, coefficients, (*w).state);
     } else {
         end_path(w, s, index, k.f * k.light, coefficients);
     }

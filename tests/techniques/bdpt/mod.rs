@@ -1,5 +1,6 @@
 //! Bidirectional path tracing.  `reference::mitsuba` compares it with an independent renderer.
 
+mod copied_weights;
 mod input;
 mod light_passes;
 mod light_paths_alone;
