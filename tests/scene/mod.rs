@@ -6,6 +6,7 @@ mod bindless_textures;
 mod bodies;
 mod changes;
 mod changing_meshes;
+mod corners;
 mod edits;
 mod environment_cubemaps;
 mod geometry;

@@ -1,4 +1,4 @@
-//! Keeps the triangles and the bottom-level tree of each mesh in shared buffers.
+//! Keeps the triangles, the vertices and the bottom-level tree of each mesh in shared buffers.
 //!
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
@@ -46,14 +46,13 @@ pub(crate) struct MeshRig {
     pub words: Range<u32>,
     pub tables: RigTables,
     pub bounds: RigBounds,
-    /// The mesh has no normals of its own.
-    pub flat: bool,
 }
 
 /// A mesh on the GPU.
 pub(crate) struct MeshEntry {
     pub nodes: Range<u32>,
     pub triangles: Range<u32>,
+    pub vertices: Range<u32>,
     pub bounds: Bounds,
     /// Object-space corners in the order of the leaves, for the power of emissive triangles.
     pub positions: Vec<[[f32; 3]; 3]>,
@@ -107,10 +106,11 @@ pub(crate) struct MeshPool {
     lines_and_points: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
+    vertex_ranges: RangeAllocator,
     rig_ranges: RangeAllocator,
     pub nodes: GrowableBuffer<[[u32; 4]; NODE_STRIDE as usize]>,
     pub triangles: GrowableBuffer<GpuTriangle>,
-    pub attributes: GrowableBuffer<GpuTriangleAttributes>,
+    pub vertices: GrowableBuffer<GpuVertex>,
     /// Tables of the meshes that bend.
     pub rigs: GrowableBuffer<u32>,
     /// Second texture coordinates of the triangles, in scenes with a texture that uses them.
@@ -144,10 +144,11 @@ impl Default for MeshPool {
             lines_and_points: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
+            vertex_ranges: RangeAllocator::default(),
             rig_ranges: RangeAllocator::default(),
             nodes: GrowableBuffer::new("acceleration structures"),
             triangles: GrowableBuffer::new("triangles"),
-            attributes: GrowableBuffer::new("triangle attributes"),
+            vertices: GrowableBuffer::new("vertices"),
             rigs: GrowableBuffer::new("rigs"),
             second_uvs: CornerTexture::new("second texture coordinates", "0", TextureFormat::Rg32Float),
             colors: CornerTexture::new("vertex colors", "white", TextureFormat::Rgba16Float),
@@ -285,16 +286,18 @@ impl MeshPool {
             ("warnings of meshes", self.warned.len()),
             ("nodes", self.node_ranges.end() as usize),
             ("triangles", self.triangle_ranges.end() as usize),
+            ("vertices", self.vertex_ranges.end() as usize),
             ("rigs", self.rig_ranges.end() as usize),
             ("meshes with second coordinates", self.second_uvs.len()),
             ("meshes with vertex colors", self.colors.len()),
         ]
     }
 
-    /// A pool for ray queries: the device builds its acceleration structures from our triangle buffer.
+    /// A pool for ray queries: the device builds its acceleration structures from our triangles and vertices.
     pub(crate) fn for_ray_queries() -> Self {
         let mut pool = Self { ray_queries: true, ..Default::default() };
         pool.triangles.add_usage(BufferUsages::BLAS_INPUT);
+        pool.vertices.add_usage(BufferUsages::BLAS_INPUT);
         pool
     }
 
@@ -319,34 +322,27 @@ impl MeshPool {
         queue: &RenderQueue,
     ) -> Result<(), Box<Blas>> {
         if self.ray_queries {
-            // wgpu compares the number of vertices, not that of triangles, with the limit of primitives.
-            let vertices = 3 * blas.triangles.len() as u64;
-            if vertices > u64::from(device.limits().max_blas_primitive_count) {
-                return Err(blas.into());
-            }
             blas.nodes = Vec::new();
         }
         let node_count = (blas.nodes.len() / NODE_STRIDE as usize) as u32;
-        let nodes = self.node_ranges.allocate(node_count);
-        let triangles = self.triangle_ranges.allocate(blas.triangles.len() as u32);
-        let fits = self.nodes.reserve(self.node_ranges.end(), device, queue)
-            && self.triangles.reserve(self.triangle_ranges.end(), device, queue)
-            && self.attributes.reserve(self.triangle_ranges.end(), device, queue);
-        if !fits {
-            self.node_ranges.release(nodes);
-            self.triangle_ranges.release(triangles);
+        let counts = [blas.triangles.len() as u32, blas.vertices.len() as u32, node_count];
+        let Some([triangles, vertices, nodes]) = self.allocate(counts, device, queue) else {
             return Err(blas.into());
-        }
+        };
+        let position = |vertex: u32| blas.vertices[vertex as usize].position;
+        let positions = blas.triangles.iter().map(|t| [t.a, t.b, t.c].map(position)).collect();
         blas::bake(&mut blas.nodes, nodes.start, triangles.start);
+        blas::bake_vertices(&mut blas.triangles, vertices.start);
         self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
             + self.triangles.write(triangles.start, &blas.triangles, queue)
-            + self.attributes.write(triangles.start, &blas.attributes, queue);
+            + self.vertices.write(vertices.start, &blas.vertices, queue);
         let rig = blas.rig.and_then(|rig| self.insert_rig(id, rig, device, queue));
         let entry = MeshEntry {
             nodes,
             triangles,
+            vertices,
             bounds: blas.bounds,
-            positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
+            positions,
             second_uvs: blas.second_uvs,
             colors: blas.colors,
             rig,
@@ -377,7 +373,7 @@ impl MeshPool {
             return None;
         }
         self.uploaded += self.rigs.write(words.start, &rig.words, queue);
-        Some(MeshRig { words, tables: rig.tables, bounds: rig.bounds, flat: rig.flat })
+        Some(MeshRig { words, tables: rig.tables, bounds: rig.bounds })
     }
 
     /// A number that no mesh or body has had.
@@ -415,11 +411,10 @@ impl MeshPool {
     /// Frees the ranges of meshes that the last frame was the last to use.
     fn release_retired(&mut self) {
         self.has_room |= !self.retired.is_empty();
-        for entry in self.retired.drain(..) {
+        for entry in core::mem::take(&mut self.retired) {
             self.second_uvs.forget(entry.version);
             self.colors.forget(entry.version);
-            self.node_ranges.release(entry.nodes);
-            self.triangle_ranges.release(entry.triangles);
+            self.release_ranges([entry.triangles, entry.vertices, entry.nodes]);
             self.rig_ranges.release(entry.rig.map_or(0..0, |rig| rig.words));
         }
     }
