@@ -147,6 +147,9 @@ fn update_instances_and_lights(
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
+    if lights.visited > 0 || meshes.has_more_copies() {
+        meshes.update_copies(&lights.emissive_meshes(), device, queue);
+    }
     #[cfg(feature = "testing")]
     if context.check.is_some() {
         lights.check();

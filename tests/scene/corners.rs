@@ -109,7 +109,8 @@ fn normals_and_tangents_equal_the_oracle() {
             let mut farthest = 0.0f64;
             for (t, answer) in scene.triangles.iter().zip(answers(gpu, &scene)) {
                 let (normals, tangents, flipped) = in_f64([t.a, t.b, t.c].map(|i| scene.vertices[i as usize]));
-                let pairs = normals.into_iter().zip(answer.normals()).chain(tangents.into_iter().zip(answer.tangents()));
+                let pairs =
+                    normals.into_iter().zip(answer.normals()).chain(tangents.into_iter().zip(answer.tangents()));
                 farthest = pairs.map(|(a, b)| (a - b).length()).fold(farthest, f64::max);
                 assert_eq!(answer.flipped != 0, flipped, "handedness, {t:?}");
             }
@@ -152,7 +153,10 @@ fn tangents_without_texture_coordinates_are_perpendicular_to_normals() {
         for has_normals in [false, true] {
             let mut mesh = list(positions.clone());
             if has_normals {
-                mesh.insert_attribute(Mesh::ATTRIBUTE_NORMAL, positions.iter().map(|_| random.direction()).collect::<Vec<_>>());
+                mesh.insert_attribute(
+                    Mesh::ATTRIBUTE_NORMAL,
+                    positions.iter().map(|_| random.direction()).collect::<Vec<_>>(),
+                );
             }
             if let Some(direction) = uv {
                 let uvs: Vec<[f32; 2]> = positions.iter().map(|p| direction.map(|x: f32| x * p[0] + 0.1)).collect();

@@ -6,6 +6,7 @@ mod bindless_textures;
 mod bodies;
 mod changes;
 mod changing_meshes;
+mod corner_copies;
 mod corners;
 mod edits;
 mod environment_cubemaps;

@@ -3,6 +3,7 @@
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
 
+pub(super) mod corner_copies;
 mod problems;
 mod ranges;
 
@@ -24,6 +25,7 @@ use bevy::{
 };
 use std::ops::Range;
 
+use corner_copies::{CornerCopies, CornerCopy};
 use problems::MeshProblem;
 
 use crate::cpu_times::{CpuTimes, Stage};
@@ -54,9 +56,9 @@ pub(crate) struct MeshEntry {
     pub triangles: Range<u32>,
     pub vertices: Range<u32>,
     pub bounds: Bounds,
-    /// Object-space corners in the order of the leaves, for the power of emissive triangles.
-    pub positions: Vec<[[f32; 3]; 3]>,
-    /// Second texture coordinates in the same order, for the time when a material uses them; empty if the mesh has none.
+    /// Corners of its triangles, for the powers of emissive ones and for the tree over instances that rest.
+    pub corners: Option<CornerCopy>,
+    /// Second texture coordinates of all corners, for the time when a material uses them; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Vertex colors in the same order; empty if the mesh has none.
     pub colors: Vec<[HalfColor; 3]>,
@@ -117,6 +119,7 @@ pub(crate) struct MeshPool {
     pub second_uvs: CornerTexture<[f32; 2]>,
     /// Vertex colors of the triangles, in scenes with such a mesh.
     pub colors: CornerTexture<HalfColor>,
+    copies: CornerCopies,
     last_version: u64,
     last_features: SceneFeatures,
     /// Meshes that have come, changed or gone since [`Self::take_changed`]; some more than once.
@@ -152,6 +155,7 @@ impl Default for MeshPool {
             rigs: GrowableBuffer::new("rigs"),
             second_uvs: CornerTexture::new("second texture coordinates", "0", TextureFormat::Rg32Float),
             colors: CornerTexture::new("vertex colors", "white", TextureFormat::Rgba16Float),
+            copies: CornerCopies::default(),
             last_version: 0,
             last_features: SceneFeatures::empty(),
             changed: Vec::new(),
@@ -209,6 +213,7 @@ pub(crate) fn finish_meshes(
     let pool = &mut *pool;
     pool.uploaded = 0;
     pool.warned.begin_frame();
+    pool.take_copies(&device);
     if core::mem::take(&mut pool.has_room) {
         pool.insert_too_large(&device, &queue);
     }
@@ -290,7 +295,15 @@ impl MeshPool {
             ("rigs", self.rig_ranges.end() as usize),
             ("meshes with second coordinates", self.second_uvs.len()),
             ("meshes with vertex colors", self.colors.len()),
+            ("meshes with copies of corners", self.entries.values().filter(|entry| entry.corners.is_some()).count()),
+            ("meshes that are read back", self.copies.len()),
         ]
+    }
+
+    /// The pool.  `waits`: pictures must be repeatable, so frames wait for copies of emissive meshes.
+    pub(crate) fn that_waits(mut self, waits: bool) -> Self {
+        self.copies.waits = waits;
+        self
     }
 
     /// A pool for ray queries: the device builds its acceleration structures from our triangles and vertices.
@@ -329,8 +342,8 @@ impl MeshPool {
         let Some([triangles, vertices, nodes]) = self.allocate(counts, device, queue) else {
             return Err(blas.into());
         };
-        let position = |vertex: u32| blas.vertices[vertex as usize].position;
-        let positions = blas.triangles.iter().map(|t| [t.a, t.b, t.c].map(position)).collect();
+        let corners = Some(CornerCopy::new(&blas.triangles, &blas.vertices, 0));
+        self.copies.has_more = true;
         blas::bake(&mut blas.nodes, nodes.start, triangles.start);
         blas::bake_vertices(&mut blas.triangles, vertices.start);
         self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
@@ -342,7 +355,7 @@ impl MeshPool {
             triangles,
             vertices,
             bounds: blas.bounds,
-            positions,
+            corners,
             second_uvs: blas.second_uvs,
             colors: blas.colors,
             rig,
@@ -412,6 +425,7 @@ impl MeshPool {
     fn release_retired(&mut self) {
         self.has_room |= !self.retired.is_empty();
         for entry in core::mem::take(&mut self.retired) {
+            self.copies.forget(entry.version);
             self.second_uvs.forget(entry.version);
             self.colors.forget(entry.version);
             self.release_ranges([entry.triangles, entry.vertices, entry.nodes]);
@@ -459,9 +473,9 @@ impl MeshPool {
         self.entries.values().chain(&self.retired).map(|entry| entry.version).collect()
     }
 
-    /// Whether no mesh that an instance shows is being built.
+    /// Whether no mesh that an instance shows is being built or read back.
     pub(crate) fn idle(&self, instances: &InstanceList) -> bool {
-        self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
+        !self.awaits_copies() && self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
     }
 
     /// Whether each mesh has been built before; some may be built again.

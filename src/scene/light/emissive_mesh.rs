@@ -2,7 +2,8 @@
 
 use super::{equal_or_nan, luminance};
 use crate::gpu_layout::*;
-use bevy::math::Vec3;
+use crate::scene::geometry::meshes::{MeshEntry, corner_copies::CornerCopy};
+use bevy::{asset::AssetId, math::Vec3, mesh::Mesh};
 
 /// Everything that the lights of an emissive instance depend on.  The light table is rebuilt when it changes.
 #[derive(Clone, Debug)]
@@ -11,6 +12,10 @@ pub(super) struct EmissiveMesh {
     pub slot: u32,
     /// Version of the mesh.
     pub version: u64,
+    /// The mesh.
+    pub mesh: AssetId<Mesh>,
+    /// The CPU has a copy of the corners of its triangles.
+    pub has_corners: bool,
     /// First triangle of the instance in the triangle buffer.
     pub first_triangle: u32,
     pub triangle_count: u32,
@@ -21,13 +26,21 @@ pub(super) struct EmissiveMesh {
 }
 
 impl EmissiveMesh {
-    /// `version`: that of the mesh.
-    pub(super) fn new(slot: u32, version: u64, instance: &GpuInstance, emission: [f32; 3], double_sided: bool) -> Self {
+    pub(super) fn new(
+        slot: u32,
+        mesh: (AssetId<Mesh>, &MeshEntry),
+        instance: &GpuInstance,
+        emission: [f32; 3],
+        double_sided: bool,
+    ) -> Self {
+        let (mesh, MeshEntry { version, corners, .. }) = mesh;
         let m = &instance.world_from_object;
         let column = |i: usize| Vec3::new(m[0][i], m[1][i], m[2][i]);
         Self {
             slot,
-            version,
+            version: *version,
+            mesh,
+            has_corners: corners.is_some(),
             first_triangle: instance.first_triangle,
             triangle_count: instance.triangle_count,
             emission,
@@ -38,9 +51,27 @@ impl EmissiveMesh {
 
     /// Whether both have equal triangles with equal powers.  A rigid motion of the instance changes neither.
     pub(super) fn is_unchanged_from(&self, other: &Self) -> bool {
-        let Self { slot, version, first_triangle, triangle_count, emission, double_sided, metric } = self;
-        (*slot, *version, *first_triangle, *triangle_count, *double_sided)
-            == (other.slot, other.version, other.first_triangle, other.triangle_count, other.double_sided)
+        // A version belongs to one mesh.
+        let Self {
+            slot,
+            version,
+            mesh: _,
+            has_corners,
+            first_triangle,
+            triangle_count,
+            emission,
+            double_sided,
+            metric,
+        } = self;
+        (*slot, *version, *has_corners, *first_triangle, *triangle_count, *double_sided)
+            == (
+                other.slot,
+                other.version,
+                other.has_corners,
+                other.first_triangle,
+                other.triangle_count,
+                other.double_sided,
+            )
             && equal_or_nan(*emission, other.emission)
             && has_same_metric(metric, &other.metric)
     }
@@ -49,19 +80,19 @@ impl EmissiveMesh {
     /// slightly wrong powers: noise, no bias.
     pub(super) fn lights<'a>(
         &'a self,
-        positions: &'a [[[f32; 3]; 3]],
+        corners: &'a CornerCopy,
         transform: &'a Rows,
     ) -> impl Iterator<Item = (GpuLight, f64)> + 'a {
         let sides = if self.double_sided { 2.0 } else { 1.0 };
         let exitance = core::f64::consts::PI * luminance(self.emission) * sides;
-        positions.iter().enumerate().map(move |(i, corners)| {
+        corners.corners().enumerate().map(move |(i, corners)| {
             let light = GpuLight {
                 kind: LIGHT_TRIANGLE,
                 emission: self.emission,
                 data: [self.slot, self.first_triangle + i as u32],
                 ..Default::default()
             };
-            (light, exitance * world_area(transform, corners))
+            (light, exitance * world_area(transform, &corners))
         })
     }
 }

@@ -5,9 +5,11 @@
 //! Emissive triangles beyond the device's limit are not in the table, but BSDF sampling still hits them: the picture is noisier, not darker.
 
 use bevy::{
+    asset::AssetId,
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::HashMap,
+    mesh::Mesh,
+    platform::collections::{HashMap, HashSet},
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
@@ -188,6 +190,15 @@ impl LightPool {
         }
     }
 
+    /// The meshes that emit light.
+    pub(crate) fn emissive_meshes(&self) -> HashSet<AssetId<Mesh>> {
+        let mesh = |(_, emitter): &(_, Emitter)| match emitter {
+            Emitter::Mesh(emissive) => Some(emissive.mesh),
+            Emitter::Analytic(_) => None,
+        };
+        self.emitters.iter().filter_map(mesh).collect()
+    }
+
     /// Forgets the warnings about lights that are gone.
     pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
         self.warned.retain(|entity| exists(*entity));
@@ -202,7 +213,8 @@ impl LightPool {
         limit: u32,
     ) {
         (self.previous_at, self.visited) = (0, 0);
-        let has_new_emitters = core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed();
+        let has_new_emitters =
+            core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed() | meshes.copies_arrived();
         let radius = (instances.top.radius.max(1e-3).log2().ceil()).exp2();
         let has_directional = self.features.intersects(SceneFeatures::LIGHT_DIRECTIONAL | SceneFeatures::SUN_DISK);
         if !has_new_emitters && (radius == self.radius || !has_directional) {
@@ -307,11 +319,11 @@ impl LightPool {
                         self.left_out[0] += emissive.triangle_count as u64;
                         continue;
                     }
-                    let Some(mesh) = instances.live_in(emissive.slot).and_then(|live| meshes.get(live.mesh)) else {
+                    let Some(corners) = meshes.get(emissive.mesh).and_then(|mesh| mesh.corners.as_ref()) else {
                         continue;
                     };
                     let transform = instances.get(emissive.slot).world_from_object;
-                    for (light, power) in emissive.lights(&mesh.positions, &transform) {
+                    for (light, power) in emissive.lights(corners, &transform) {
                         self.table.push(light);
                         powers.push(power);
                     }
@@ -479,7 +491,7 @@ fn gather(
             return None;
         }
         let double_sided = materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0;
-        let mesh = EmissiveMesh::new(slot, mesh.version, instances.get(slot), emission, double_sided);
+        let mesh = EmissiveMesh::new(slot, (live.mesh, mesh), instances.get(slot), emission, double_sided);
         Some((live.entity, Emitter::Mesh(mesh)))
     });
     analytic.chain(emissive).collect()
