@@ -246,7 +246,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
         ),
         Row::new(SECTION, "sent to the device", &[("", Unit::Bytes, built.sent)]),
         Row::new(SECTION, "trees, where they are ours", &[("", Unit::BytesATriangle, per_triangle(nodes))]),
-        Row::new(SECTION, "trees, triangles and vertices", &[("", Unit::BytesATriangle, per_triangle(bytes))]),
+        Row::new(SECTION, "trees, corners and attributes", &[("", Unit::BytesATriangle, per_triangle(bytes))]),
     ]
 }
 
