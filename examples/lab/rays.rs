@@ -3,10 +3,7 @@
 
 use bevy::{
     prelude::*,
-    render::{
-        render_resource::BufferUsages,
-        renderer::{RenderDevice, RenderQueue, WgpuWrapper},
-    },
+    render::renderer::{RenderDevice, RenderQueue, WgpuWrapper},
 };
 use bevy_restir::{
     RayBackend, Restir, RestirStatistics, Technique,
