@@ -3,7 +3,7 @@
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
 
-pub(super) mod corner_copies;
+pub(crate) mod corner_copies;
 mod problems;
 mod ranges;
 
