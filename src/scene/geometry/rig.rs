@@ -117,7 +117,7 @@ impl RigVertices {
 
     /// Packs the rig of a mesh for the tree with these nodes, and for these of its vertices, as indices in those of the geometry.
     pub fn pack(&self, geometry: &Geometry, vertices: &[u32], nodes: &[[u32; 4]]) -> Rig {
-        let mut words = Vec::new();
+        let mut words: Vec<u32> = Vec::new();
         let mut tables = RigTables { influences: NONE, ..Default::default() };
         let sources: Vec<usize> = vertices.iter().map(|&i| geometry.sources[i as usize] as usize).collect();
         if !self.influences.is_empty() {
