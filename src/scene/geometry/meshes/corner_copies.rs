@@ -68,7 +68,7 @@ pub(super) struct CornerCopies {
     failed: HashSet<u64>,
     /// Meshes have come, so that there may be too many copies.
     pub(super) has_more: bool,
-    /// Copies have come in this frame.
+    /// Copies have come since the last update, so that there are lights to add.
     arrived: bool,
     /// Frames wait for the device, so that pictures do not depend on the time that it takes.
     pub(super) waits: bool,
@@ -102,7 +102,7 @@ impl CornerCopies {
 }
 
 impl MeshPool {
-    /// Whether copies of emissive meshes have come in this frame.
+    /// Whether copies of emissive meshes have come since [`Self::update_copies`] ran.
     pub(crate) fn copies_arrived(&self) -> bool {
         self.copies.arrived
     }
@@ -119,7 +119,6 @@ impl MeshPool {
 
     /// Takes the copies that the device has read back since the last frame.
     pub(super) fn take_copies(&mut self, device: &RenderDevice) {
-        self.copies.arrived = false;
         if self.copies.reading.is_empty() {
             return;
         }
@@ -148,7 +147,7 @@ impl MeshPool {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) {
-        self.copies.has_more = false;
+        (self.copies.has_more, self.copies.arrived) = (false, false);
         let mut others: Vec<_> =
             self.entries.iter().filter(|(id, entry)| entry.corners.is_some() && !emissive.contains(*id)).collect();
         others.sort_unstable_by_key(|(id, entry)| (entry.triangles.len(), **id));
