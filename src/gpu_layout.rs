@@ -117,28 +117,26 @@ pub struct GpuSceneUniforms {
     pub pad: [u32; 2],
 }
 
+/// The vertices of a triangle.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuTriangle {
-    pub a: [f32; 3],
-    pub pad_a: u32,
-    pub b: [f32; 3],
-    pub pad_b: u32,
-    pub c: [f32; 3],
-    pub pad_c: u32,
+    pub a: u32,
+    pub b: u32,
+    pub c: u32,
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct GpuTriangleAttributes {
-    pub normals: [u32; 3],
-    pub tangent_a: u32,
-    pub tangent_b: u32,
-    pub tangent_c: u32,
-    pub uv_a: [f32; 2],
-    pub uv_b: [f32; 2],
-    pub uv_c: [f32; 2],
+pub struct GpuVertex {
+    pub position: [f32; 3],
+    pub normal: u32,
+    pub tangent: u32,
+    pub uv: [f32; 2],
 }
+
+/// Word of a normal or a tangent that the mesh does not have.  No unit vector is packed to it.
+pub const NOT_GIVEN: u32 = 0x8000_0000;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -157,7 +155,6 @@ pub struct GpuInstance {
 }
 
 pub const BODY_APPEARED: u32 = 1;
-pub const BODY_FLAT: u32 = 2;
 
 /// A skinned or morphed instance (`shaders/deformation/types.wgsl`).
 #[repr(C)]
@@ -166,11 +163,12 @@ pub struct GpuBody {
     pub rest_triangle: u32,
     pub triangle: u32,
     pub triangle_count: u32,
+    pub rest_vertex: u32,
+    pub vertex: u32,
+    pub vertex_count: u32,
     pub rest_node: u32,
     pub node: u32,
     pub first_box: u32,
-    pub corners: u32,
-    pub vertex_count: u32,
     pub influences: u32,
     pub targets: u32,
     pub levels: u32,

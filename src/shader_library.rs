@@ -43,6 +43,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "scene/directional_albedo.wgsl",
     "scene/texture.wgsl",
     "scene/triangle.wgsl",
+    "scene/corners.wgsl",
     "scene/material.wgsl",
     "scene/lobes.wgsl",
     "scene/offset.wgsl",

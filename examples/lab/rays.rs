@@ -3,14 +3,11 @@
 
 use bevy::{
     prelude::*,
-    render::{
-        render_resource::BufferUsages,
-        renderer::{RenderDevice, RenderQueue, WgpuWrapper},
-    },
+    render::renderer::{RenderDevice, RenderQueue, WgpuWrapper},
 };
 use bevy_restir::{
     RayBackend, Restir, RestirStatistics, Technique,
-    testing::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE, Rows},
+    testing::gpu_layout::{NODE_STRIDE, Rows},
     testing::{
         accel::blas::{Bounds, build_blas},
         accel::ray_query::{AccelerationStructures, INSTANCE_SIZE, Placed},
@@ -108,7 +105,7 @@ impl Scene {
     /// One bumpy sphere with the rays inside it.
     fn large() -> Self {
         let mesh = sphere(LARGE / 1024 + 1, 512, 0.1, |p| p);
-        assert_eq!(mesh.positions.len(), LARGE);
+        assert_eq!(mesh.triangles.len(), LARGE);
         let scene = TestScene::of(mesh.clone());
         Self { name: format!("{LARGE} triangles"), scene, mesh, inside: 0.5, outside: 2.5 }
     }
@@ -116,7 +113,7 @@ impl Scene {
     /// Rotated, stretched and mirrored bumpy spheres that fill a cube.
     fn small(count: u32) -> Self {
         let mesh = sphere(SMALL / 20 + 1, 10, 0.2, |p| p);
-        assert_eq!(mesh.positions.len(), SMALL);
+        assert_eq!(mesh.triangles.len(), SMALL);
         let mut random = Random::new(71);
         let instances: Vec<_> = (0..count).map(|_| (0, random_rows(&mut random, 0.03, 1.0), 0, 0)).collect();
         let scene = TestScene::new(std::slice::from_ref(&mesh), &instances);
@@ -217,7 +214,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
     let blas = blas.expect("it has triangles");
     let per_triangle = |bytes: usize| bytes as f64 / LARGE as f64;
     let nodes = if hardware { 0 } else { blas.nodes.len() * 16 };
-    let bytes = nodes + LARGE * (size_of::<GpuTriangle>() + size_of::<GpuTriangleAttributes>());
+    let bytes = nodes + size_of_val(&*blas.triangles) + size_of_val(&*blas.vertices);
 
     // Every build gets new transforms of all instances.
     let mut random = Random::new(73);
@@ -293,29 +290,24 @@ fn hardware_builds(
 ) -> Built {
     let device = RenderDevice::new(WgpuWrapper::new(gpu.device.clone()));
     let queue = RenderQueue(Arc::new(WgpuWrapper::new(gpu.queue.clone())));
-    let vertices = |scene: &Scene| {
-        device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::cast_slice(&scene.scene.triangles),
-            usage: BufferUsages::BLAS_INPUT,
-        })
-    };
     let placed = |scene: &Scene, rows: &[Rows]| -> Vec<Placed> {
         let one = |(slot, rows): (usize, &Rows)| Placed {
             slot: slot as u32,
             version: 1,
             rebuild: false,
             triangles: 0..scene.scene.triangles.len() as u32,
+            vertices_end: scene.scene.vertices.len() as u32,
             world_from_object: *rows,
             opaque: true,
             mask: 0xff,
         };
         rows.iter().enumerate().map(one).collect()
     };
-    let (large_vertices, small_vertices) = (vertices(large), vertices(small));
+    let large_inputs = large.scene.inputs_of_structures(&device);
+    let small_inputs = small.scene.inputs_of_structures(&device);
     let here = placed(large, &[large.scene.instances[0].world_from_object]);
     let bottom = seconds(1, gpu, || {
-        AccelerationStructures::default().update(&here, &large_vertices, &device, &queue);
+        AccelerationStructures::default().update(&here, large_inputs.each_ref(), &device, &queue);
     });
     let mut built = Built { bottom, cpu: Vec::new(), all: Vec::new(), sent: 0.0 };
     let mut structures = AccelerationStructures::default();
@@ -324,7 +316,9 @@ fn hardware_builds(
         wait(gpu);
         let start = Instant::now();
         let mut sent = 0.0;
-        built.cpu.push(wall_seconds(|| sent = structures.update(&placed, &small_vertices, &device, &queue) as f64));
+        built
+            .cpu
+            .push(wall_seconds(|| sent = structures.update(&placed, small_inputs.each_ref(), &device, &queue) as f64));
         wait(gpu);
         built.all.push(start.elapsed().as_secs_f64());
         built.sent = sent;

@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::deformation::bindings
 
 #import bevy_restir::deformation::types::Body
-#import bevy_restir::scene::types::{Triangle, TriangleAttributes}
+#import bevy_restir::scene::types::{Triangle, Vertex}
 
 @group(0) @binding(0) var<storage, read> bodies: array<Body>;
 // Tables of the meshes that bend.  The table of a mesh never changes.
@@ -11,7 +11,7 @@
 // weight and its index.
 @group(0) @binding(2) var<storage, read> poses: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> triangles: array<Triangle>;
-@group(0) @binding(4) var<storage, read_write> attributes: array<TriangleAttributes>;
+@group(0) @binding(4) var<storage, read_write> vertices: array<Vertex>;
 @group(0) @binding(5) var<storage, read_write> nodes: array<vec4<u32>>;
 // The box of each node, minimum and maximum.
 @group(0) @binding(6) var<storage, read_write> boxes: array<vec4<f32>>;

@@ -3,16 +3,17 @@
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
-#import bevy_restir::deformation::bindings::{attributes, poses, rigs, triangles}
-#import bevy_restir::deformation::types::{Body, BODY_APPEARED, BODY_FLAT}
+#import bevy_restir::deformation::bindings::{poses, rigs, triangles, vertices}
+#import bevy_restir::deformation::types::{Body, BODY_APPEARED}
+#import bevy_restir::scene::corners::perpendicular
 #import bevy_restir::scene::triangle::{safe_normalize, transform_normal, transform_point, transform_vector}
-#import bevy_restir::scene::types::Triangle
+#import bevy_restir::scene::types::{NOT_GIVEN, Triangle, Vertex}
 
 // Words of a vertex in the table of influences (four joints of 16 bits, four weights), and of a displacement (position, normal, tangent).
 const INFLUENCE_WORDS: u32 = 6u;
 const DISPLACEMENT_WORDS: u32 = 9u;
 
-struct Vertex {
+struct PosedVertex {
     position: vec3<f32>,
     normal: vec3<f32>,
     tangent: vec3<f32>,
@@ -23,8 +24,8 @@ fn displacement(word: u32) -> vec3<f32> {
     return vec3<f32>(bitcast<f32>(rigs[word]), bitcast<f32>(rigs[word + 1u]), bitcast<f32>(rigs[word + 2u]));
 }
 
-fn morphed(body: Body, vertex: u32, at_rest: Vertex) -> Vertex {
-    var v = at_rest;
+fn morphed(body: Body, vertex: u32, rest: PosedVertex) -> PosedVertex {
+    var v = rest;
     for (var i = 0u; i < body.weight_count; i += 1u) {
         let active_target = poses[body.weights + i];
         let first = body.targets + (u32(active_target.y) * body.vertex_count + vertex) * DISPLACEMENT_WORDS;
@@ -50,8 +51,8 @@ fn skin_transform(body: Body, vertex: u32) -> mat3x4<f32> {
     return m;
 }
 
-fn posed(body: Body, vertex: u32, at_rest: Vertex) -> Vertex {
-    var v = morphed(body, vertex, at_rest);
+fn posed(body: Body, vertex: u32, rest: PosedVertex) -> PosedVertex {
+    var v = morphed(body, vertex, rest);
     if body.influences != NONE {
         let m = skin_transform(body, vertex);
         let mirrors = dot(m[0].xyz, cross(m[1].xyz, m[2].xyz)) < 0.0;
@@ -63,55 +64,41 @@ fn posed(body: Body, vertex: u32, at_rest: Vertex) -> Vertex {
     return v;
 }
 
-// The tangent, made perpendicular to n and normalized; an arbitrary perpendicular unit vector if the two are parallel.
-fn perpendicular(tangent: vec3<f32>, n: vec3<f32>) -> vec3<f32> {
-    let t = safe_normalize(tangent);
-    let across = t - dot(t, n) * n;
-    if dot(across, across) > 1.0e-8 {
-        return normalize(across);
+fn at_rest(stored: Vertex) -> PosedVertex {
+    let p = stored.position;
+    let is_flipped = (stored.tangent & 1u) != 0u;
+    return PosedVertex(vec3<f32>(p[0], p[1], p[2]), octahedral_decode(stored.normal), octahedral_decode(stored.tangent), is_flipped);
+}
+
+// Writes a vertex in the pose of this frame, and moves that of the last frame behind it.  A normal or a tangent that the mesh does not have
+// is made from the posed triangle where a ray hits it.
+fn pose_vertex(body: Body, index: u32) {
+    var stored = vertices[body.rest_vertex + index];
+    var v = posed(body, index, at_rest(stored));
+    v.normal = safe_normalize(v.normal);
+    stored.position = array<f32, 3>(v.position.x, v.position.y, v.position.z);
+    if stored.normal != NOT_GIVEN {
+        stored.normal = octahedral_encode(v.normal);
     }
-    return normalize(cross(n, select(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(1.0, 0.0, 0.0), abs(n.x) < 0.6)));
-}
-
-fn packed_tangent(v: Vertex) -> u32 {
-    return (octahedral_encode(perpendicular(v.tangent, v.normal)) & ~1u) | u32(v.flipped);
-}
-
-fn vertex_at_rest(position: vec3<f32>, normal: u32, tangent: u32) -> Vertex {
-    return Vertex(position, octahedral_decode(normal), octahedral_decode(tangent), (tangent & 1u) != 0u);
-}
-
-// Writes a triangle in the pose of this frame, and moves that of the last frame behind it.
-fn pose_triangle(body: Body, index: u32) {
-    let rest = triangles[body.rest_triangle + index];
-    var packed = attributes[body.rest_triangle + index];
-    let corners = body.corners + 3u * index;
-    var a = posed(body, rigs[corners], vertex_at_rest(rest.a, packed.normals.x, packed.tangent_a));
-    var b = posed(body, rigs[corners + 1u], vertex_at_rest(rest.b, packed.normals.y, packed.tangent_b));
-    var c = posed(body, rigs[corners + 2u], vertex_at_rest(rest.c, packed.normals.z, packed.tangent_c));
-    if (body.flags & BODY_FLAT) != 0u {
-        a.normal = cross(b.position - a.position, c.position - a.position);
-        b.normal = a.normal;
-        c.normal = a.normal;
+    if stored.tangent != NOT_GIVEN {
+        stored.tangent = (octahedral_encode(perpendicular(v.tangent, v.normal)) & ~1u) | u32(v.flipped);
     }
-    a.normal = safe_normalize(a.normal);
-    b.normal = safe_normalize(b.normal);
-    c.normal = safe_normalize(c.normal);
-    packed.normals = vec3<u32>(octahedral_encode(a.normal), octahedral_encode(b.normal), octahedral_encode(c.normal));
-    packed.tangent_a = packed_tangent(a);
-    packed.tangent_b = packed_tangent(b);
-    packed.tangent_c = packed_tangent(c);
-    let triangle = Triangle(a.position, 0u, b.position, 0u, c.position, 0u);
-
-    let now = body.triangle + index;
-    let before = now + body.triangle_count;
+    let now = body.vertex + index;
+    let before = now + body.vertex_count;
     if (body.flags & BODY_APPEARED) != 0u {
-        triangles[before] = triangle;
-        attributes[before] = packed;
+        vertices[before] = stored;
     } else {
-        triangles[before] = triangles[now];
-        attributes[before] = attributes[now];
+        vertices[before] = vertices[now];
     }
-    triangles[now] = triangle;
-    attributes[now] = packed;
+    vertices[now] = stored;
+}
+
+// Writes a triangle of a new body, with the vertices of this frame and with those of the last one.
+fn add_triangle(body: Body, index: u32) {
+    let rest = triangles[body.rest_triangle + index];
+    let now = body.triangle + index;
+    let shift = body.vertex - body.rest_vertex;
+    let previous_shift = shift + body.vertex_count;
+    triangles[now] = Triangle(rest.a + shift, rest.b + shift, rest.c + shift);
+    triangles[now + body.triangle_count] = Triangle(rest.a + previous_shift, rest.b + previous_shift, rest.c + previous_shift);
 }

@@ -2,7 +2,7 @@
 // of this frame and of the last one, so that one tree serves rays through both.
 #define_import_path bevy_restir::deformation::refit
 
-#import bevy_restir::deformation::bindings::{boxes, nodes, rigs, triangles}
+#import bevy_restir::deformation::bindings::{boxes, nodes, rigs, triangles, vertices}
 #import bevy_restir::deformation::types::Body
 #import bevy_restir::scene::types::Triangle
 
@@ -15,8 +15,16 @@ fn joined(x: Box, y: Box) -> Box {
     return Box(min(x.low, y.low), max(x.high, y.high));
 }
 
+fn position_of(vertex: u32) -> vec3<f32> {
+    let p = vertices[vertex].position;
+    return vec3<f32>(p[0], p[1], p[2]);
+}
+
 fn box_of(t: Triangle) -> Box {
-    return Box(min(t.a, min(t.b, t.c)), max(t.a, max(t.b, t.c)));
+    let a = position_of(t.a);
+    let b = position_of(t.b);
+    let c = position_of(t.c);
+    return Box(min(a, min(b, c)), max(a, max(b, c)));
 }
 
 // Indices in `rigs` where the nodes of a level begin and end.  The table `levels` holds these indices for all levels, relative to its own

@@ -2,7 +2,7 @@
 // same triangles that rays hit, and needs neither primitive indices nor vertex layouts.
 
 #import bevy_restir::scene::bindings::{instances, triangles}
-#import bevy_restir::scene::triangle::{is_mirrored, transform_point}
+#import bevy_restir::scene::triangle::{is_mirrored, transform_point, vertex_position}
 #import bevy_restir::trace::alpha::passes_alpha_test
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::view
@@ -23,16 +23,16 @@ fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
     if mirrored && corner != 0u {
         corner = 3u - corner;
     }
-    var p = triangles[triangle].a;
+    var at = triangles[triangle].a;
     var b = vec2<f32>(0.0, 0.0);
     if corner == 1u {
-        p = triangles[triangle].b;
+        at = triangles[triangle].b;
         b = vec2<f32>(1.0, 0.0);
     } else if corner == 2u {
-        p = triangles[triangle].c;
+        at = triangles[triangle].c;
         b = vec2<f32>(0.0, 1.0);
     }
-    var clip = clip_of(view.current, transform_point(instances[instance].world_from_object, p));
+    var clip = clip_of(view.current, transform_point(instances[instance].world_from_object, vertex_position(at)));
     // Primary rays go through center + jitter, so that the image moves in the opposite direction.
     clip.x -= 2.0 * view.jitter.x / f32(view.size.x) * clip.w;
     clip.y += 2.0 * view.jitter.y / f32(view.size.y) * clip.w;

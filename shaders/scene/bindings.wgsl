@@ -2,7 +2,7 @@
 // the device supports arrays of textures, the last group holds textures of the scene.
 #define_import_path bevy_restir::scene::bindings
 
-#import bevy_restir::scene::types::{Instance, Light, Material, SceneUniforms, Triangle, TriangleAttributes}
+#import bevy_restir::scene::types::{Instance, Light, Material, SceneUniforms, Triangle, Vertex}
 
 @group(0) @binding(0) var<uniform> scene: SceneUniforms;
 // CWBVH nodes of obvhs, 5 vec4 each: bottom-level trees, the trees over triangles of resting instances in world space, the top-level trees
@@ -10,7 +10,7 @@
 // instances and lights that leaves refer to (`tlas_indices`, `shapes_indices`).
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
-@group(0) @binding(3) var<storage, read> attributes: array<TriangleAttributes>;
+@group(0) @binding(3) var<storage, read> vertices: array<Vertex>;
 @group(0) @binding(4) var<storage, read> instances: array<Instance>;
 @group(0) @binding(5) var<storage, read> materials: array<Material>;
 @group(0) @binding(6) var<storage, read> lights: array<Light>;

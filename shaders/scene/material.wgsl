@@ -4,8 +4,9 @@
 
 #import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_UNLIT, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
 #import bevy_restir::common::math::max_component
-#import bevy_restir::scene::bindings::{attributes, ELEMENTS_PER_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
+#import bevy_restir::scene::bindings::{ELEMENTS_PER_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::corners::{corner_uvs, CornerUvs}
 #import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
 #import bevy_restir::scene::triangle::{safe_normalize, WorldTriangle}
 
@@ -70,17 +71,6 @@ fn in_range(point: MaterialPoint, flags: u32) -> MaterialPoint {
 // Whether surfaces of an instance may emit light; unlit ones do.
 fn may_emit(instance: u32) -> bool {
     return max_component(materials[instances[instance].material].emissive) > 0.0;
-}
-
-// Texture coordinates of the corners of a triangle.
-struct CornerUvs {
-    a: vec2<f32>,
-    b: vec2<f32>,
-    c: vec2<f32>,
-}
-
-fn corner_uvs(triangle: u32) -> CornerUvs {
-    return CornerUvs(attributes[triangle].uv_a, attributes[triangle].uv_b, attributes[triangle].uv_c);
 }
 
 // Normal in tangent space from a texel of a normal map.

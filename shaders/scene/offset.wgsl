@@ -3,8 +3,7 @@
 // of fixed constants).
 #define_import_path bevy_restir::scene::offset
 
-#import bevy_restir::scene::bindings::triangles
-#import bevy_restir::scene::triangle::{instance_transform, linear_inverse, stored_triangle}
+#import bevy_restir::scene::triangle::{Corners, corners_of, instance_transform, linear_inverse, stored_triangle}
 
 // Half an ulp of 1, times a factor for errors that the bound neglects.
 const ROUNDING: f32 = 0x1p-24 * 2.0;
@@ -13,17 +12,14 @@ const END_ROUNDING: f32 = 0x1p-20;
 
 // A point in world space.  `offset_distance` bounds the error of this order of operations.
 fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous: bool) -> vec3<f32> {
-    let stored = stored_triangle(instance, triangle, previous);
-    return vec4<f32>(object_point(stored, barycentrics), 1.0) * instance_transform(instance, previous);
+    let corners = corners_of(stored_triangle(instance, triangle, previous));
+    return vec4<f32>(object_point(corners, barycentrics), 1.0) * instance_transform(instance, previous);
 }
 
 // Bound on the distance (m, along the geometric `normal`) of `surface_point` from the plane of its triangle, with the rounding errors of the
 // intersection test of a ray that starts there.
 fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>, normal: vec3<f32>, previous: bool) -> f32 {
-    let stored = stored_triangle(instance, triangle, previous);
-    let v0 = triangles[stored].a;
-    let v1 = triangles[stored].b;
-    let v2 = triangles[stored].c;
+    let corners = corners_of(stored_triangle(instance, triangle, previous));
     let world = instance_transform(instance, previous);
     let object = linear_inverse(instance, previous);
     let linear = mat3x3<f32>(world[0].xyz, world[1].xyz, world[2].xyz);
@@ -31,8 +27,8 @@ fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>, normal
     let object_size = mat3x3<f32>(abs(object[0]), abs(object[1]), abs(object[2]));
 
     // In object space: rounding of the point, and of the intersection, which is relative to the triangle's extent.
-    let p = object_point(stored, barycentrics);
-    let extent = max(max(abs(v1 - v0), abs(v2 - v1)), abs(v0 - v2));
+    let p = object_point(corners, barycentrics);
+    let extent = max(max(abs(corners.b - corners.a), abs(corners.c - corners.b)), abs(corners.a - corners.c));
     let offset_from_center = p * linear;
     let back = abs(offset_from_center) * object_size;
     let in_object = 1.5 * abs(p) + 12.0 * extent + 5.0 * back;
@@ -54,7 +50,6 @@ fn offset_end(position: vec3<f32>, n_geo: vec3<f32>, direction: vec3<f32>, dista
 }
 
 // Interpolated by the edges, not by weights of three corners: far from the mesh's origin, edges are more precise.
-fn object_point(triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    let v0 = triangles[triangle].a;
-    return v0 + (barycentrics.x * (triangles[triangle].b - v0) + barycentrics.y * (triangles[triangle].c - v0));
+fn object_point(corners: Corners, barycentrics: vec2<f32>) -> vec3<f32> {
+    return corners.a + (barycentrics.x * (corners.b - corners.a) + barycentrics.y * (corners.c - corners.a));
 }

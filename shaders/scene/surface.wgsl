@@ -4,15 +4,16 @@
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_MIN, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
 #import bevy_restir::common::guard::{GUARD_SURFACE, guard_holds, guarded_3}
-#import bevy_restir::common::math::{is_finite_3, octahedral_decode}
-#import bevy_restir::scene::bindings::{attributes, instances, materials}
+#import bevy_restir::common::math::is_finite_3
+#import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::corners::{corner_normals, corner_tangents}
 #import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::subsurface::subsurface_at
-#import bevy_restir::scene::triangle::{instance_transform, is_mirrored, safe_normalize, stored_triangle, transform_normal, transform_vector, world_triangle}
+#import bevy_restir::scene::triangle::{Corners, instance_transform, is_mirrored, safe_normalize, stored_triangle, transform_normal, transform_vector, world_triangle}
 
 struct Surface {
     position: vec3<f32>,
@@ -29,15 +30,16 @@ struct Surface {
     bsdf: Bsdf,
 }
 
+fn interpolated(corners: Corners, barycentrics: vec2<f32>) -> vec3<f32> {
+    return (1.0 - barycentrics.x - barycentrics.y) * corners.a + barycentrics.x * corners.b + barycentrics.y * corners.c;
+}
+
 // Tangent space by MikkTSpace: the tangent is interpolated, and the bitangent is cross(n, t) without orthogonalization.  `n` is the
 // interpolated normal, and `stored` the place of the triangle (`stored_triangle`).
 fn tangent_frame(m: mat3x4<f32>, mirrored: bool, stored: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
-    let a = attributes[stored];
-    let t_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.tangent_a)
-        + barycentrics.x * octahedral_decode(a.tangent_b)
-        + barycentrics.y * octahedral_decode(a.tangent_c);
-    let t = safe_normalize(transform_vector(m, t_object));
-    let handedness = select(1.0, -1.0, ((a.tangent_a & 1u) != 0u) != mirrored);
+    let corners = corner_tangents(stored);
+    let t = safe_normalize(transform_vector(m, interpolated(corners.tangents, barycentrics)));
+    let handedness = select(1.0, -1.0, corners.flipped != mirrored);
     return LobeFrame(n, t, handedness * cross(n, t));
 }
 
@@ -71,11 +73,7 @@ fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
 
 // Interpolated vertex normal, flipped to the side of the geometric normal.  `stored`: the place of the triangle (`stored_triangle`).
 fn interpolated_normal(stored: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, mirrored: bool, n_geo: vec3<f32>) -> vec3<f32> {
-    let a = attributes[stored];
-    let n_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.normals.x)
-        + barycentrics.x * octahedral_decode(a.normals.y)
-        + barycentrics.y * octahedral_decode(a.normals.z);
-    let n = safe_normalize(transform_normal(m, n_object, mirrored));
+    let n = safe_normalize(transform_normal(m, interpolated(corner_normals(stored), barycentrics), mirrored));
     return select(n, -n, dot(n, n_geo) < 0.0);
 }
 

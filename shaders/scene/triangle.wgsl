@@ -2,7 +2,14 @@
 #define_import_path bevy_restir::scene::triangle
 
 #import bevy_restir::common::constants::{INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_GONE, INSTANCE_MIRRORED}
-#import bevy_restir::scene::bindings::{instances, triangles}
+#import bevy_restir::scene::bindings::{instances, triangles, vertices}
+
+// A vector at each corner of a triangle: its position, its normal or its tangent, in object space.
+struct Corners {
+    a: vec3<f32>,
+    b: vec3<f32>,
+    c: vec3<f32>,
+}
 
 struct WorldTriangle {
     corner: vec3<f32>,
@@ -80,7 +87,18 @@ fn linear_inverse_of_now(instance: u32) -> mat3x3<f32> {
     return mat3x3<f32>(object[0].xyz, object[1].xyz, object[2].xyz);
 }
 
-// Where the corners of a triangle are stored, now or (`previous`) in the last frame.  A mesh that bends has its triangles twice: those of the
+fn vertex_position(index: u32) -> vec3<f32> {
+    let p = vertices[index].position;
+    return vec3<f32>(p[0], p[1], p[2]);
+}
+
+// Positions of the corners of a stored triangle (`stored_triangle`).
+fn corners_of(stored: u32) -> Corners {
+    let t = triangles[stored];
+    return Corners(vertex_position(t.a), vertex_position(t.b), vertex_position(t.c));
+}
+
+// Where a triangle is stored, now or (`previous`) in the last frame.  A mesh that bends has its triangles twice: those of the
 // last frame lie behind those of this one.
 #ifdef DEFORMATION
 fn stored_triangle(instance: u32, triangle: u32, previous: bool) -> u32 {
@@ -95,7 +113,7 @@ fn stored_triangle(instance: u32, triangle: u32, previous: bool) -> u32 {
 
 // The front face of a mirrored instance is the image of the front face in object space, although its winding is reversed.
 fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle {
-    let t = triangles[stored_triangle(instance, triangle, previous)];
+    let t = corners_of(stored_triangle(instance, triangle, previous));
     let m = instance_transform(instance, previous);
     let edge_b = transform_vector(m, t.b - t.a);
     let edge_c = transform_vector(m, t.c - t.a);

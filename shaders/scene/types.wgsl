@@ -24,27 +24,24 @@ struct SceneUniforms {
     pad: vec2<u32>,
 }
 
-// Positions of a triangle in object space.  Triangles have the order of the leaves of their bottom-level tree.
+// The vertices of a triangle, by their indices in `vertices`.  Triangles have the order of the leaves of their bottom-level tree.
 struct Triangle {
-    a: vec3<f32>,
-    pad_a: u32,
-    b: vec3<f32>,
-    pad_b: u32,
-    c: vec3<f32>,
-    pad_c: u32,
+    a: u32,
+    b: u32,
+    c: u32,
 }
 
-// Attributes of a triangle's corners.  Normals and tangents are octahedral, two snorm16 per word; the lowest bit of a tangent is set if the
-// bitangent is flipped.
-struct TriangleAttributes {
-    normals: vec3<u32>,
-    tangent_a: u32,
-    tangent_b: u32,
-    tangent_c: u32,
-    uv_a: vec2<f32>,
-    uv_b: vec2<f32>,
-    uv_c: vec2<f32>,
+// A vertex in object space (`scene/triangle.wgsl`, `scene/corners.wgsl`), which all triangles around it share.  It has arrays because vectors
+// would be padded.  Normal and tangent are octahedral, two snorm16 per word; the lowest bit of a tangent is set if the bitangent is flipped.
+struct Vertex {
+    position: array<f32, 3>,
+    normal: u32,               // NOT_GIVEN: each triangle has that of its plane
+    tangent: u32,              // NOT_GIVEN: each triangle has that of its texture coordinates
+    uv: array<f32, 2>,
 }
+
+// The word of a normal or a tangent that the mesh does not have.  No unit vector is packed to it.
+const NOT_GIVEN: u32 = 0x80000000u;
 
 // The three columns of a mat3x4 are the rows of the affine 3x4 matrix: `vec4(p, 1) * m` transforms a point, `v * m` with w = 0 a vector.
 struct Instance {

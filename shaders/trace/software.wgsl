@@ -4,8 +4,8 @@
 
 #import bevy_restir::common::constants::{NONE, OVERFLOW_STACK, OVERFLOW_STEPS, WORLD_TREE}
 #import bevy_restir::common::ray::{Hit, Ray, trace_flags}
-#import bevy_restir::scene::bindings::{instances, nodes, scene, triangles}
-#import bevy_restir::scene::triangle::stored_triangle
+#import bevy_restir::scene::bindings::{instances, nodes, scene}
+#import bevy_restir::scene::triangle::{corners_of, stored_triangle}
 #import bevy_restir::trace::alpha::accepts_hit
 #ifdef SUBSURFACE
 #import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
@@ -96,8 +96,8 @@ fn leaf_triangle(instance: u32, index: u32, previous: bool) -> LeafTriangle {
         let c = nodes[3u * index + 2u];
         return LeafTriangle(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz), bitcast<vec3<f32>>(c.xyz), a.w, b.w);
     }
-    let stored = stored_triangle(instance, index, previous);
-    return LeafTriangle(triangles[stored].a, triangles[stored].b, triangles[stored].c, instance, index);
+    let corners = corners_of(stored_triangle(instance, index, previous));
+    return LeafTriangle(corners.a, corners.b, corners.c, instance, index);
 }
 
 // Whether rays of the camera can hit an instance.  A removed instance may remain in the trees of the last frame.

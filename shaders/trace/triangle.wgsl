@@ -3,8 +3,7 @@
 // multiplications the driver fuses.
 #define_import_path bevy_restir::trace::triangle
 
-#import bevy_restir::scene::bindings::triangles
-#import bevy_restir::scene::triangle::triangle_normal
+#import bevy_restir::scene::triangle::{corners_of, triangle_normal}
 
 // A ray in object space, and the shear that maps its direction to its longest axis.
 struct ShearedRay {
@@ -30,7 +29,8 @@ fn sheared_ray(origin: vec3<f32>, direction: vec3<f32>) -> ShearedRay {
 
 // Intersects the whole line with a stored triangle; the caller compares t with its interval.
 fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
-    return intersect_corners(ray, triangles[index].a, triangles[index].b, triangles[index].c);
+    let corners = corners_of(index);
+    return intersect_corners(ray, corners.a, corners.b, corners.c);
 }
 
 fn intersect_corners(ray: ShearedRay, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> TriangleHit {
@@ -63,10 +63,10 @@ fn intersect_corners(ray: ShearedRay, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32
 
 // Distance along a line to the plane of a triangle; -1 if the line is parallel to it.
 fn plane_distance(origin: vec3<f32>, direction: vec3<f32>, index: u32) -> f32 {
-    let v0 = triangles[index].a;
-    let n = triangle_normal(v0, triangles[index].b, triangles[index].c);
+    let corners = corners_of(index);
+    let n = triangle_normal(corners.a, corners.b, corners.c);
     let slope = dot(n, direction);
-    return select(-1.0, dot(n, v0 - origin) / slope, slope != 0.0);
+    return select(-1.0, dot(n, corners.a - origin) / slope, slope != 0.0);
 }
 
 // Cyclic permutation, which keeps the handedness.

@@ -152,6 +152,9 @@ fn update_instances_and_lights(
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
+    if lights.visited > 0 || meshes.has_more_copies() {
+        meshes.update_copies(&lights.emissive_meshes(), device, queue);
+    }
     #[cfg(feature = "testing")]
     if context.check.is_some() {
         lights.check();
@@ -236,7 +239,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
     // A buffer cannot be bound before it exists, so that of a scene without lights or meshes holds one unused element.
     let reserved = meshes.nodes.reserve(1, device, queue)
         && meshes.triangles.reserve(1, device, queue)
-        && meshes.attributes.reserve(1, device, queue)
+        && meshes.vertices.reserve(1, device, queue)
         && instances.gpu.reserve(1, device, queue)
         && materials.gpu.reserve(1, device, queue)
         && lights.gpu.reserve(1, device, queue);
@@ -245,11 +248,11 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
     bindings.lacks_memory = !(reserved && fits && has_trees);
     let placeholders = bindings.placeholders.get_or_insert_with(|| PlaceholderTextures::new(device)).clone();
     if reserved
-        && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (
+        && let (Some(u), Some(n), Some(t), Some(v), Some(i), Some(m), Some(l)) = (
             bindings.uniforms.clone(),
             meshes.nodes.buffer(),
             meshes.triangles.buffer(),
-            meshes.attributes.buffer(),
+            meshes.vertices.buffer(),
             instances.gpu.buffer(),
             materials.gpu.buffer(),
             lights.gpu.buffer(),
@@ -264,7 +267,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
             subsurface.gpu.view().unwrap_or(&placeholders.texel),
             meshes.colors.view().unwrap_or(&placeholders.texel),
         ];
-        bindings.bind(device, pipelines, [&u, n, t, a, i, m, l], views);
+        bindings.bind(device, pipelines, [&u, n, t, v, i, m, l], views);
     }
     if let Some(structures) = &instances.top.structures {
         bindings.bind_structures(device, pipelines, structures);
@@ -321,7 +324,7 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
     vec![
         meshes.nodes.memory(),
         meshes.triangles.memory(),
-        meshes.attributes.memory(),
+        meshes.vertices.memory(),
         meshes.rigs.memory(),
         body_records,
         poses,

@@ -183,7 +183,21 @@ pub const MUTANTS: &[Mutant] = &[
         "",
         &["texels_above_one"],
     ),
+    mutant(
+        "tangents of a mesh without tangents follow v",
+        "scene/corners.wgsl",
+        "return UvDirections(side * (e * c.y - f * b.y), side * (f * b.x - e * c.x));",
+        "return UvDirections(side * (f * b.x - e * c.x), side * (e * c.y - f * b.y));",
+        &["normals_and_tangents_equal_the_oracle"],
+    ),
     // Bodies that bend.
+    mutant(
+        "triangles of the last frame have the vertices of this one",
+        "deformation/pose.wgsl",
+        "let previous_shift = shift + body.vertex_count;",
+        "let previous_shift = shift;",
+        &["reads_of_the_last_frame_equal"],
+    ),
     mutant(
         "boxes of a body without the last frame",
         "deformation/refit.wgsl",

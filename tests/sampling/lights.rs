@@ -7,9 +7,8 @@ use crate::support::{
     stats::{Statistical, assert_family, chi_squared, failures_of_family, z_test},
 };
 use bevy_restir::testing::gpu_layout::{
-    GpuInstance, GpuLight, GpuMaterial, GpuTriangle, GpuTriangleAttributes, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT,
-    LIGHT_TRIANGLE, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, NONE, Rows, SLOT_BASE_COLOR,
-    SLOT_EMISSIVE,
+    GpuInstance, GpuLight, GpuMaterial, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE,
+    MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, NONE, Rows, SLOT_BASE_COLOR, SLOT_EMISSIVE,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
@@ -48,9 +47,7 @@ pub(super) const MIRRORED: Rows = [[-2.0, 0.3, 0.0, 0.5], [0.0, 1.5, 0.2, 3.0], 
 /// A scene of one emissive triangle with radiance (1, 2, 3).
 pub(super) fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_> {
     let mut lit = LightScene::new(gpu);
-    lit.triangles =
-        vec![GpuTriangle { a: [0.0, 1.0, 0.0], b: [1.0, 1.2, 0.1], c: [0.2, 0.9, 1.3], ..Default::default() }];
-    lit.attributes = vec![GpuTriangleAttributes { uv_b: [1.0, 0.0], uv_c: [0.0, 1.0], ..Default::default() }];
+    lit.set_triangle([[0.0, 1.0, 0.0], [1.0, 1.2, 0.1], [0.2, 0.9, 1.3]]);
     lit.instances = vec![GpuInstance {
         world_from_object: rows,
         first_light: 0,
@@ -66,7 +63,7 @@ pub(super) fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_>
 
 /// The corners and the front-facing normal in world space.
 pub(super) fn corners(lit: &LightScene) -> ([DVec3; 3], DVec3) {
-    let (t, m) = (lit.triangles[0], lit.instances[0].world_from_object.map(|r| r.map(f64::from)));
+    let m = lit.instances[0].world_from_object.map(|r| r.map(f64::from));
     let linear = DMat3::from_cols_array_2d(&[
         [m[0][0], m[0][1], m[0][2]],
         [m[1][0], m[1][1], m[1][2]],
@@ -74,7 +71,7 @@ pub(super) fn corners(lit: &LightScene) -> ([DVec3; 3], DVec3) {
     ])
     .transpose();
     let offset = DVec3::new(m[0][3], m[1][3], m[2][3]);
-    let [a, b, c] = [t.a, t.b, t.c].map(wide);
+    let [a, b, c] = [0, 1, 2].map(|i| wide(lit.vertices[i].position));
     let normal = linear.inverse().transpose() * (b - a).cross(c - a);
     ([a, b, c].map(|p| linear * p + offset), normal.normalize())
 }
@@ -277,7 +274,7 @@ fn impossible_samples_are_zero() {
         [s.pdf, s.distance].iter().chain(&s.radiance).chain(&s.wi).chain(&s.position).all(|x| x.is_finite())
     };
     // Receivers in the plane of the light, on a corner of it, at the point light; and lights that do not exist.
-    lit.triangles[0] = GpuTriangle { b: [1.0, 0.0, 0.0], c: [0.0, 0.0, 1.0], ..Default::default() };
+    lit.set_triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
     for (light, point) in [(0, DVec3::new(5.0, 0.0, 0.0)), (1, DVec3::ZERO), (2, DVec3::ONE), (NONE, DVec3::ONE)] {
         let samples = sample(&lit, light, point, 1, 256, &[]);
         assert!(
@@ -288,7 +285,7 @@ fn impossible_samples_are_zero() {
     assert!(sample(&lit, 0, DVec3::ZERO, 1, 256, &[]).iter().all(all_finite));
     // A triangle without area, and tiny and huge ones.
     for scale in [0.0, 1e-6, 1e6f32] {
-        lit.triangles[0] = GpuTriangle { b: [scale, 0.0, 0.0], c: [0.0, 0.0, scale], ..Default::default() };
+        lit.set_triangle([[0.0; 3], [scale, 0.0, 0.0], [0.0, 0.0, scale]]);
         for s in sample(&lit, 0, DVec3::new(0.0, f64::from(scale) + 1e-3, 0.0), 1, 256, &[]) {
             assert!(all_finite(&s) && (s.pdf > 0.0) == (scale > 0.0), "{scale}: {s:?}");
         }

@@ -210,8 +210,7 @@ const PROBES: u32 = 1 << 16;
 
 impl Body {
     fn triangle(&self, index: usize) -> ([DVec3; 3], DVec3) {
-        let t = &self.scene.triangles[index];
-        let [a, b, c] = [t.a, t.b, t.c].map(wide);
+        let [a, b, c] = self.scene.corners(index).map(wide);
         ([a, b, c], (b - a).cross(c - a).normalize())
     }
 

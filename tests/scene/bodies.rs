@@ -95,6 +95,20 @@ fn a_mirrored_body_equals_the_oracle() {
 }
 
 #[test]
+fn a_body_without_normals_and_indices_equals_the_oracle() {
+    let Some(mut rig) = stage() else { return };
+    let material = StandardMaterial { double_sided: true, cull_mode: None, ..lambert(0.7) };
+    let faceted = |mut mesh: Mesh| {
+        mesh.remove_attribute(Mesh::ATTRIBUTE_NORMAL);
+        mesh
+    };
+    let body = spawn_skinned(&mut rig, "tube", faceted(tube()).with_duplicated_vertices(), material.clone());
+    let joints = swaying(foot(0.7), 0.7, 1.0);
+    set_joints(&mut rig, body, &joints);
+    assert_equal_pictures("facets", &mut rig, body, faceted(skinned_in_f64(&tube(), &joints)), &material);
+}
+
+#[test]
 fn a_morphed_body_equals_the_oracle() {
     let Some(mut rig) = stage() else { return };
     let material = StandardMaterial { double_sided: true, cull_mode: None, ..lambert(0.7) };

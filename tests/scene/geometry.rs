@@ -3,13 +3,14 @@
 use crate::support::scenes::{Random, random_rows};
 use bevy::{
     asset::RenderAssetUsages,
-    math::{Affine3A, Vec3},
-    mesh::{Indices, Mesh, PrimitiveTopology, VertexAttributeValues as Values},
+    math::{Affine3A, Vec3, primitives::Sphere},
+    mesh::{Indices, Mesh, Meshable, PrimitiveTopology, VertexAttributeValues as Values},
 };
 use bevy_restir::testing::{
     accel::blas::build_blas,
     accel::tlas::{build_tlas, inverse, rows, world_bounds},
     geometry::triangulate::{Dropped, GeometryError, octahedral_encode, triangles_of},
+    gpu_layout::{GpuTriangle, GpuVertex, NOT_GIVEN},
 };
 
 const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
@@ -52,7 +53,8 @@ fn indexed_and_unindexed_lists_and_strips_give_the_same_triangles() {
         strip().with_inserted_indices(Indices::U16(restarted)),
     ] {
         let geometry = triangles_of(&mesh).expect("the mesh is sound");
-        assert_eq!(geometry.positions, expected);
+        assert_eq!(geometry.corners(), expected);
+        assert_eq!(geometry.vertices.len(), 4, "both triangles share two vertices");
         assert_eq!(geometry.dropped, Dropped::default());
     }
 }
@@ -69,8 +71,8 @@ fn unsupported_topologies_and_formats_are_named() {
     let empty = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
     assert_eq!(triangles_of(&empty), Err(GeometryError::NoPositions));
     let geometry = triangles_of(&list(&[])).expect("an empty mesh is no error");
-    assert!(geometry.positions.is_empty() && build_blas(&geometry).is_none());
-    assert_eq!(triangles_of(&list(&SQUARE[..2])).expect("an incomplete triangle is no error").positions.len(), 0);
+    assert!(geometry.triangles.is_empty() && build_blas(&geometry).is_none());
+    assert_eq!(triangles_of(&list(&SQUARE[..2])).expect("an incomplete triangle is no error").triangles.len(), 0);
 }
 
 #[test]
@@ -82,7 +84,7 @@ fn bad_triangles_are_dropped_and_counted() {
     numbers.extend([0, 1, 99, u32::MAX, 12, 13, 12, 12, 13]);
     let geometry =
         triangles_of(&list(&positions).with_inserted_indices(Indices::U32(numbers))).expect("one triangle is left");
-    assert_eq!(geometry.positions, [bad(0.0)]);
+    assert_eq!((geometry.corners(), geometry.vertices.len()), (vec![bad(0.0)], 3));
     assert_eq!(geometry.dropped, Dropped { out_of_range: 2, non_finite: 3, degenerate: 2 });
     assert_eq!(geometry.dropped.total(), 7);
     let blas = build_blas(&geometry).expect("there is one triangle");
@@ -90,43 +92,67 @@ fn bad_triangles_are_dropped_and_counted() {
 }
 
 #[test]
-fn missing_and_bad_attributes_are_filled() {
+fn missing_and_bad_attributes_are_marked() {
     let triangle = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
     let plain = triangles_of(&list(&triangle)).expect("sound");
-    assert!(!plain.has_normals && !plain.has_uvs && !plain.has_tangents);
-    let a = plain.attributes[0];
-    assert_eq!((a.uv_a, a.uv_b, a.uv_c), ([0.0; 2], [0.0; 2], [0.0; 2]));
-    assert!(a.normals.iter().all(|&n| close(decode(n), [0.0, 0.0, 1.0])));
-    let tangent = decode(a.tangent_a);
-    assert!(
-        tangent[2].abs() < 1e-3 && tangent.iter().all(|x| x.is_finite()),
-        "not perpendicular to the normal: {tangent:?}"
-    );
+    assert!(plain.vertices.iter().all(|v| (v.normal, v.tangent, v.uv) == (NOT_GIVEN, NOT_GIVEN, [0.0; 2])));
 
-    // One good normal that is not of unit length, one zero, one NaN; a short uv list with a NaN in it.
+    // One good normal that is not of unit length, one zero, one NaN; a short uv list with a NaN in it; a tangent that is not perpendicular
+    // to its normal, and one that is there without a normal.
     let bad = list(&triangle)
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 3.0, 0.0], [0.0; 3], [f32::NAN; 3]])
-        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.5, 0.25], [f32::NAN, 1.0]]);
-    let a = triangles_of(&bad).expect("sound").attributes[0];
-    assert!(close(decode(a.normals[0]), [0.0, 1.0, 0.0]));
-    assert!(close(decode(a.normals[1]), [0.0, 0.0, 1.0]) && close(decode(a.normals[2]), [0.0, 0.0, 1.0]));
-    assert_eq!((a.uv_a, a.uv_b, a.uv_c), ([0.5, 0.25], [0.0, 1.0], [0.0; 2]));
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.5, 0.25], [f32::NAN, 1.0]])
+        .with_inserted_attribute(Mesh::ATTRIBUTE_TANGENT, vec![[2.0, 1.0, 0.0, -1.0]; 3]);
+    let [a, b, c] = triangles_of(&bad).expect("sound").vertices[..] else { panic!("three vertices") };
+    assert!(close(decode(a.normal), [0.0, 1.0, 0.0]) && close(decode(a.tangent & !1), [1.0, 0.0, 0.0]));
+    assert_eq!((a.tangent & 1, [b.normal, c.normal, b.tangent, c.tangent]), (1, [NOT_GIVEN; 4]));
+    assert_eq!((a.uv, b.uv, c.uv), ([0.5, 0.25], [0.0, 1.0], [0.0; 2]));
 }
 
 #[test]
-fn generated_tangents_equal_bevys() {
-    for uv in [CORNERS, CORNERS.map(|[u, v]| [1.0 - u, v]), CORNERS.map(|[u, v]| [v, u]), CORNERS.map(|[u, v]| [u, -v])]
-    {
-        let plain = list(&SQUARE)
-            .with_inserted_indices(Indices::U32(vec![0, 1, 2]))
-            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 4])
-            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uv.to_vec());
-        let theirs = plain.clone().with_generated_tangents().expect("Bevy can generate tangents");
-        let (ours, theirs) = (triangles_of(&plain).expect("sound"), triangles_of(&theirs).expect("sound"));
-        assert!(theirs.has_tangents && !ours.has_tangents);
-        let (a, b) = (ours.attributes[0].tangent_a, theirs.attributes[0].tangent_a);
-        assert!(close(decode(a & !1), decode(b & !1)), "{uv:?}");
-        assert_eq!(a & 1, b & 1, "handedness, {uv:?}");
+fn only_equal_vertices_of_a_mesh_without_indices_are_joined() {
+    let corners: Vec<[f32; 3]> = [0, 1, 2, 2, 1, 3].map(|i: usize| SQUARE[i]).to_vec();
+    let uvs = |seam: f32| {
+        let mut uvs = [0, 1, 2, 2, 1, 3].map(|i: usize| CORNERS[i]);
+        uvs[3][0] += seam;
+        uvs.to_vec()
+    };
+    for (seam, count) in [(0.0, 4), (0.5, 5)] {
+        let mesh = list(&corners).with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs(seam));
+        let geometry = triangles_of(&mesh).expect("sound");
+        assert_eq!(geometry.vertices.len(), count, "seam {seam}");
+        let read: Vec<_> =
+            geometry.triangles.as_flattened().iter().map(|&i| geometry.vertices[i as usize].uv).collect();
+        assert_eq!(read, uvs(seam));
+    }
+    // Those of a mesh with indices are as they are in the mesh, without those that no triangle has.
+    let twice = [SQUARE, SQUARE].concat();
+    let mesh = list(&twice).with_inserted_indices(Indices::U32(vec![0, 1, 6, 6, 1, 7]));
+    let geometry = triangles_of(&mesh).expect("sound");
+    assert_eq!(geometry.sources, [0, 1, 6, 7]);
+    let blas = build_blas(&geometry).expect("two triangles");
+    let mut seen = 0;
+    for vertex in blas.triangles.iter().flat_map(|t| [t.a, t.b, t.c]) {
+        assert!(vertex <= seen, "vertices have the order in which triangles have them first");
+        seen = seen.max(vertex + 1);
+    }
+    assert_eq!(seen as usize, blas.vertices.len());
+}
+
+#[test]
+fn ordinary_indexed_meshes_take_at_most_40_bytes_a_triangle() {
+    for mesh in [Sphere::new(1.0).mesh().uv(64, 64), Sphere::new(1.0).mesh().ico(20).expect("few enough vertices")] {
+        let blas = build_blas(&triangles_of(&mesh).expect("sound")).expect("it has triangles");
+        let bytes = size_of_val(&*blas.nodes) + size_of_val(&*blas.triangles) + size_of_val(&*blas.vertices);
+        let each = bytes as f64 / blas.triangles.len() as f64;
+        eprintln!("{} triangles, {} vertices: {each:.1} bytes a triangle", blas.triangles.len(), blas.vertices.len());
+        assert!(each < 40.0, "{each} bytes a triangle");
+    }
+    // 8 M triangles in the bindings of the portable tier, 128 M in those of 2 GiB.
+    for (triangles, binding) in [(8u64 << 20, 128u64 << 20), (128 << 20, 2 << 30)] {
+        assert!(triangles * size_of::<GpuTriangle>() as u64 <= binding);
+        assert!(triangles / 2 * size_of::<GpuVertex>() as u64 <= binding);
+        assert!((8.2 * triangles as f64) as u64 <= binding, "nodes");
     }
 }
 
@@ -140,10 +166,10 @@ fn attributes_come_in_any_format() {
         mesh.insert_attribute(attribute, values);
         triangles_of(&mesh)
     };
-    let expected = triangles_of(&mesh(PrimitiveTopology::TriangleStrip, &SQUARE)).expect("sound").positions;
-    assert_eq!(build(Values::Snorm16x4(integers)).expect("read").positions, expected);
+    let expected = triangles_of(&mesh(PrimitiveTopology::TriangleStrip, &SQUARE)).expect("sound").corners();
+    assert_eq!(build(Values::Snorm16x4(integers)).expect("read").corners(), expected);
     let wide: Vec<[f32; 4]> = SQUARE.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect();
-    assert_eq!(build(Values::Float32x4(wide)).expect("read").positions, expected);
+    assert_eq!(build(Values::Float32x4(wide)).expect("read").corners(), expected);
     assert_eq!(build(Values::Float32x2(CORNERS.to_vec())), Err(GeometryError::PositionFormat("two floats")));
     assert_eq!(build(Values::Uint32x3(vec![[0; 3]; 4])), Err(GeometryError::PositionFormat("integers")));
 }

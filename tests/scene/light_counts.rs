@@ -155,8 +155,8 @@ fn meshes_after_one_that_does_not_fit_are_shown() {
     let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };
     rig.insert(rig.camera, orthographic(3.0, 2.0));
     rig.set(|r| r.debug_view = bevy_restir::DebugView::Albedo);
-    // 30000 triangles take 1.4 MB.
-    rig.spawn(sheet(1.0, 150, 100), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
+    // 90000 triangles take 1.1 MB.
+    rig.spawn(sheet(1.0, 300, 150), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
     rig.picture(1);
     rig.spawn(square(1.0), lambert(0.5), Transform::from_xyz(0.75, 0.0, 0.0));
     let picture = rig.picture(1);
@@ -171,10 +171,10 @@ fn a_mesh_that_did_not_fit_is_shown_once_another_one_is_gone() {
     let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };
     rig.insert(rig.camera, orthographic(3.0, 2.0));
     rig.set(|r| r.debug_view = bevy_restir::DebugView::Albedo);
-    // 15000 triangles take 0.7 MB.
-    let first = rig.spawn(sheet(1.0, 100, 75), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
+    // 50000 triangles take 0.6 MB, and their vertices 0.7 MB.
+    let first = rig.spawn(sheet(1.0, 200, 125), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
     rig.picture(1);
-    rig.spawn(sheet(1.0, 100, 75), lambert(0.5), Transform::from_xyz(0.75, 0.0, 0.0));
+    rig.spawn(sheet(1.0, 200, 125), lambert(0.5), Transform::from_xyz(0.75, 0.0, 0.0));
     let picture = rig.picture(1);
     assert!(picture.at(18, 8).x == 0.0 && picture.at(6, 8).x > 0.4);
     rig.app.world_mut().despawn(first);

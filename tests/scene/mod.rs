@@ -6,6 +6,8 @@ mod bindless_textures;
 mod bodies;
 mod changes;
 mod changing_meshes;
+mod corner_copies;
+mod corners;
 mod edits;
 mod environment_cubemaps;
 mod expected;

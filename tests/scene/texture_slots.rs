@@ -62,8 +62,7 @@ fn points(lit: &LightScene, at: &[At], defs: &[&'static str]) -> Vec<Point> {
 /// A triangle whose texture coordinates are its barycentric coordinates.
 fn triangle(gpu: &Gpu) -> LightScene<'_> {
     let mut lit = LightScene::new(gpu);
-    lit.triangles = vec![GpuTriangle { b: [1.0, 0.0, 0.0], c: [0.0, 1.0, 0.0], ..Default::default() }];
-    lit.attributes = vec![GpuTriangleAttributes { uv_b: [1.0, 0.0], uv_c: [0.0, 1.0], ..Default::default() }];
+    lit.set_triangle([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     lit.instances = vec![GpuInstance {
         world_from_object: IDENTITY,
         object_from_world: IDENTITY,

@@ -32,9 +32,8 @@ impl BruteForce {
     pub fn new(scene: &TestScene) -> Self {
         let mut triangles = Vec::new();
         for instance in &scene.instances {
-            let first = instance.first_triangle as usize;
-            for t in &scene.triangles[first..first + instance.triangle_count as usize] {
-                triangles.push([t.a, t.b, t.c].map(|v| {
+            for corners in scene.corners_of(instance) {
+                triangles.push(corners.map(|v| {
                     instance
                         .world_from_object
                         .map(|r| (0..3).map(|k| f64::from(r[k]) * f64::from(v[k])).sum::<f64>() + f64::from(r[3]))

@@ -4,11 +4,12 @@ use super::{
     compose::Def,
     gpu::{Bound, Gpu},
     oracle::environment::Map,
+    scenes::bare_vertex,
 };
 use bevy_restir::{
     testing::gpu_layout::{
-        GpuInstance, GpuLight, GpuMaterial, GpuSceneUniforms, GpuTriangle, GpuTriangleAttributes, GpuViewUniforms,
-        LIGHT_MESH, NONE, Rows,
+        GpuInstance, GpuLight, GpuMaterial, GpuSceneUniforms, GpuTriangle, GpuVertex, GpuViewUniforms, LIGHT_MESH,
+        NONE, Rows,
     },
     testing::light::alias_table::alias_table,
 };
@@ -32,7 +33,7 @@ pub struct LightScene<'g> {
     /// Nodes of the trees over lights.
     pub nodes: Vec<[u32; 4]>,
     pub triangles: Vec<GpuTriangle>,
-    pub attributes: Vec<GpuTriangleAttributes>,
+    pub vertices: Vec<GpuVertex>,
     pub instances: Vec<GpuInstance>,
     pub materials: Vec<GpuMaterial>,
     pub lights: Vec<GpuLight>,
@@ -91,7 +92,7 @@ impl<'g> LightScene<'g> {
             view: GpuViewUniforms { environment_color: [1.0; 3], ..Default::default() },
             nodes: Vec::new(),
             triangles: Vec::new(),
-            attributes: Vec::new(),
+            vertices: Vec::new(),
             instances: Vec::new(),
             materials: Vec::new(),
             lights: Vec::new(),
@@ -212,6 +213,14 @@ impl<'g> LightScene<'g> {
         self.gpu.read(&buffer)
     }
 
+    /// Makes these the corners of the only triangle, whose texture coordinates are its barycentric coordinates.
+    pub fn set_triangle(&mut self, corners: [[f32; 3]; 3]) {
+        let uvs = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let vertices = corners.into_iter().zip(uvs);
+        self.vertices = vertices.map(|(position, uv)| GpuVertex { uv, ..bare_vertex(position) }).collect();
+        self.triangles = vec![GpuTriangle { a: 0, b: 1, c: 2 }];
+    }
+
     /// Runs a kernel with workgroups of 64.
     pub fn run(&self, name: &str, source: &str, defs: &[Def], threads: u32, own: &[(u32, u32, Bound)]) {
         fn some<T: Clone + bytemuck::Zeroable>(v: &[T]) -> Vec<T> {
@@ -222,7 +231,7 @@ impl<'g> LightScene<'g> {
         let view = gpu.uniform(&self.view);
         let nodes = gpu.storage(&some(&self.nodes));
         let triangles = gpu.storage(&some(&self.triangles));
-        let attributes = gpu.storage(&some(&self.attributes));
+        let vertices = gpu.storage(&some(&self.vertices));
         let instances = gpu.storage(&some(&self.instances));
         let materials = gpu.storage(&some(&self.materials));
         let lights = gpu.storage(&some(&self.lights));
@@ -243,7 +252,7 @@ impl<'g> LightScene<'g> {
             (0, 0, Bound::Buffer(&scene)),
             (0, 1, Bound::Buffer(&nodes)),
             (0, 2, Bound::Buffer(&triangles)),
-            (0, 3, Bound::Buffer(&attributes)),
+            (0, 3, Bound::Buffer(&vertices)),
             (0, 4, Bound::Buffer(&instances)),
             (0, 5, Bound::Buffer(&materials)),
             (0, 6, Bound::Buffer(&lights)),

@@ -287,9 +287,7 @@ fn many_points(lit: &LightScene, light: u32, any: bool, defs: &[Def], count: usi
 
 fn lights(gpu: &Gpu) -> LightScene<'_> {
     let mut lit = LightScene::new(gpu);
-    lit.triangles =
-        vec![GpuTriangle { a: [0.0, 1.0, 0.0], b: [1.0, 1.2, 0.1], c: [0.2, 0.9, 1.3], ..Default::default() }];
-    lit.attributes = vec![GpuTriangleAttributes::default()];
+    lit.set_triangle([[0.0, 1.0, 0.0], [1.0, 1.2, 0.1], [0.2, 0.9, 1.3]]);
     lit.instances = vec![GpuInstance { world_from_object: IDENTITY, triangle_count: 1, ..Default::default() }];
     lit.materials = vec![GpuMaterial { emissive: [1.0, 2.0, 3.0], flags: MATERIAL_DOUBLE_SIDED, ..Default::default() }];
     let light = |kind| GpuLight { position: [1.0, 2.0, 3.0], emission: [10.0; 3], kind, ..Default::default() };

@@ -44,7 +44,7 @@ fn offset_points_leave_their_surface(gpu: &Gpu, backend: &[Def]) {
                 if in_mesh && scale < translation * 1e-4 {
                     continue;
                 }
-                let count = mesh.positions.len();
+                let count = mesh.triangles.len();
                 let scene = TestScene::new(&[mesh], &[(0, rows, 0, 0)]);
                 let mirrored = determinant(&rows) < 0.0;
                 let corner = |random: &mut Random| {

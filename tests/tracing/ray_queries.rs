@@ -106,9 +106,9 @@ fn ray_queries_and_software_traversal_find_the_same_hits() {
         assert_near_edges(&format!("scale {scale:e}"), &scene, &rays, &answers, f64::from(scale));
     }
     // Copies of one triangle, and a flat box.
-    let one = random_soup(&mut random, 1, 0.1, 1.0).positions[0];
+    let one = random_soup(&mut random, 1, 0.1, 1.0).corners()[0];
     let mut flat = random_soup(&mut random, 300, 1.0, 0.5);
-    flat.positions.iter_mut().flatten().for_each(|v| v[1] = 0.25);
+    flat.vertices.iter_mut().for_each(|v| v.position[1] = 0.25);
     for (name, mesh) in [("the same triangle 600 times", soup(vec![one; 600])), ("a flat mesh", flat)] {
         let scene = TestScene::of(mesh);
         let rays = rays(&mut random, 10_000, 1.0);

@@ -161,7 +161,7 @@ fn rays_agree_with_brute_force_at_extreme_scales() {
         // 1e5 m from the origin, once in the mesh and once by the transform; rays start there too.
         let far = [1e5, -1e5, 1e5];
         let near = random_soup(&mut random, 300, 1.0, 0.3);
-        let moved = soup(near.positions.iter().map(|t| t.map(|v| std::array::from_fn(|k| v[k] + far[k]))).collect());
+        let moved = soup(near.corners().iter().map(|t| t.map(|v| std::array::from_fn(|k| v[k] + far[k]))).collect());
         let mut rows = identity();
         (0..3).for_each(|k| rows[k][3] = far[k]);
         for scene in [TestScene::of(moved), TestScene::new(&[near], &[(0, rows, 0, 0)])] {
@@ -176,7 +176,7 @@ fn rays_agree_with_brute_force_at_extreme_scales() {
 fn degenerate_meshes_are_traced() {
     on_each_back_end(&[], |gpu, kernel| {
         let mut random = Random::new(4);
-        let one = random_soup(&mut random, 1, 0.1, 1.0).positions[0];
+        let one = random_soup(&mut random, 1, 0.1, 1.0).corners()[0];
         let identical = soup(vec![one; 600]);
         let slivers = soup(
             (0..300)
@@ -188,13 +188,14 @@ fn degenerate_meshes_are_traced() {
                 .collect(),
         );
         let flat = soup(
-            random_soup(&mut random, 300, 1.0, 0.3).positions.iter().map(|t| t.map(|v| [v[0], 0.25, v[2]])).collect(),
+            random_soup(&mut random, 300, 1.0, 0.3).corners().iter().map(|t| t.map(|v| [v[0], 0.25, v[2]])).collect(),
         );
         for (mesh, aim) in [(identical, false), (slivers, true), (flat, false)] {
             let mut rays = random_rays(&mut random, 1000, 1.0);
             if aim {
+                let triangles = mesh.corners();
                 for ray in &mut rays {
-                    let [a, b, c] = mesh.positions[random.below(mesh.positions.len())];
+                    let [a, b, c] = triangles[random.below(triangles.len())];
                     let w = random.unit();
                     let target: [f32; 3] = std::array::from_fn(|k| w * a[k] + (1.0 - w) * 0.5 * (b[k] + c[k]));
                     ray.direction = std::array::from_fn(|k| target[k] - ray.origin[k]);
@@ -227,10 +228,11 @@ fn a_closed_mesh_is_watertight_at_its_edges_and_vertices() {
             (sphere(8, 9, 0.0, |p| [p[0] * 1e4, p[1], p[2]]), identity()),
             (cube, identity()),
         ] {
-            let size = mesh.positions.iter().flatten().flatten().fold(0.0f32, |a, x| a.max(x.abs()));
+            let triangles = mesh.corners();
+            let size = triangles.iter().flatten().flatten().fold(0.0f32, |a, x| a.max(x.abs()));
             let rays: Vec<Ray> = (0..30_000)
                 .map(|i| {
-                    let [a, b, _] = mesh.positions[random.below(mesh.positions.len())];
+                    let [a, b, _] = triangles[random.below(triangles.len())];
                     // Rays from random points and from the exact center, through corners and edges.
                     let w = if i % 2 == 0 { 0.0 } else { random.unit() };
                     let target: [f32; 3] = std::array::from_fn(|k| a[k] + w * (b[k] - a[k]));

@@ -1,6 +1,7 @@
 // The baseline of `lab rays`: closest hits in one compressed tree and nothing else, to measure the cost of bare traversal.  It has no
 // instances, alpha tests, watertight edges, bounds on rounding, counters or limit of steps.
-#import bevy_restir::scene::bindings::{nodes, triangles}
+#import bevy_restir::scene::bindings::nodes
+#import bevy_restir::scene::triangle::corners_of
 #import bevy_restir::common::ray::Ray
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
@@ -60,9 +61,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 // Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection".
 fn closer(ray: Ray, index: u32, t_max: f32) -> f32 {
-    let a = triangles[index].a;
-    let e1 = triangles[index].b - a;
-    let e2 = triangles[index].c - a;
+    let corners = corners_of(index);
+    let a = corners.a;
+    let e1 = corners.b - a;
+    let e2 = corners.c - a;
     let p = cross(ray.direction, e2);
     let scale = 1.0 / dot(e1, p);
     let s = ray.origin - a;

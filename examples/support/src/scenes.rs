@@ -1,11 +1,14 @@
 //! Random meshes, transforms and rays, and scenes of them in the buffers that the shaders read.
 
 use crate::gpu::{Bound, Gpu, Kernel};
-use bevy::render::renderer::{RenderDevice, RenderQueue, WgpuWrapper};
+use bevy::render::{
+    render_resource::Buffer,
+    renderer::{RenderDevice, RenderQueue, WgpuWrapper},
+};
 use bevy_restir::{
     testing::gpu_layout::*,
     testing::{
-        accel::blas::{Blas, Bounds, bake, build_blas},
+        accel::blas::{Blas, Bounds, bake, bake_vertices, build_blas},
         accel::ray_query::{AccelerationStructures, Placed},
         accel::tlas::{build_tlas, inverse, world_bounds},
         geometry::triangulate::Geometry,
@@ -13,7 +16,7 @@ use bevy_restir::{
     },
 };
 use bytemuck::{Pod, Zeroable};
-use std::sync::Arc;
+use std::{collections::HashMap, sync::Arc};
 
 /// A small random number generator (PCG-XSH-RR) whose numbers no update of a crate can change.
 pub struct Random(u64);
@@ -89,10 +92,25 @@ pub fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
     Ray { origin, t_min: 0.0, direction, t_max: FAR }
 }
 
-/// Triangles without attributes.
+/// A vertex with nothing but a position.
+pub fn bare_vertex(position: [f32; 3]) -> GpuVertex {
+    GpuVertex { position, normal: NOT_GIVEN, tangent: NOT_GIVEN, ..Default::default() }
+}
+
+/// Triangles without attributes.  Corners with equal coordinates are one vertex.
 pub fn soup(positions: Vec<[[f32; 3]; 3]>) -> Geometry {
-    let attributes = vec![Default::default(); positions.len()];
-    Geometry { positions, attributes, ..Default::default() }
+    let mut geometry = Geometry::default();
+    let mut places = HashMap::new();
+    for corners in positions {
+        let triangle = corners.map(|position| {
+            *places.entry(position.map(f32::to_bits)).or_insert_with(|| {
+                geometry.vertices.push(bare_vertex(position));
+                geometry.vertices.len() as u32 - 1
+            })
+        });
+        geometry.triangles.push(triangle);
+    }
+    geometry
 }
 
 pub fn random_soup(random: &mut Random, count: usize, size: f32, triangle: f32) -> Geometry {
@@ -162,6 +180,7 @@ pub struct TestScene {
     pub uniforms: GpuSceneUniforms,
     pub nodes: Vec<[u32; 4]>,
     pub triangles: Vec<GpuTriangle>,
+    pub vertices: Vec<GpuVertex>,
     pub instances: Vec<GpuInstance>,
     pub materials: Vec<GpuMaterial>,
     /// Object-space boxes of the instances' meshes; `None` for empty meshes.
@@ -181,7 +200,10 @@ impl TestScene {
                 let mut nodes = b.nodes.clone();
                 bake(&mut nodes, root, first);
                 scene.nodes.extend(nodes);
-                scene.triangles.extend(&b.triangles);
+                let mut triangles = b.triangles.clone();
+                bake_vertices(&mut triangles, scene.vertices.len() as u32);
+                scene.triangles.extend(triangles);
+                scene.vertices.extend(&b.vertices);
             }
         }
         for &(mesh, world, material, flags) in instances {
@@ -206,17 +228,26 @@ impl TestScene {
         scene
     }
 
+    /// Corners of a triangle in object space.
+    pub fn corners(&self, triangle: usize) -> [[f32; 3]; 3] {
+        let GpuTriangle { a, b, c } = self.triangles[triangle];
+        [a, b, c].map(|vertex| self.vertices[vertex as usize].position)
+    }
+
+    /// Corners of the triangles of an instance in object space.
+    pub fn corners_of(&self, instance: &GpuInstance) -> Vec<[[f32; 3]; 3]> {
+        let first = instance.first_triangle as usize;
+        (first..first + instance.triangle_count as usize).map(|triangle| self.corners(triangle)).collect()
+    }
+
     /// The same scene with one tree in world space over the instances for which `rests` holds.
     pub fn with_world_tree(mut self, rests: impl Fn(usize) -> bool) -> Self {
         let resting = self.instances.iter().enumerate().filter(|(i, _)| rests(*i));
-        let part = |(i, instance): (usize, &GpuInstance)| {
-            let triangles = &self.triangles[instance.first_triangle as usize..][..instance.triangle_count as usize];
-            Part {
-                slot: i as u32,
-                first_triangle: instance.first_triangle,
-                world_from_object: instance.world_from_object,
-                positions: triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
-            }
+        let part = |(i, instance): (usize, &GpuInstance)| Part {
+            slot: i as u32,
+            first_triangle: instance.first_triangle,
+            world_from_object: instance.world_from_object,
+            positions: self.corners_of(instance),
         };
         let parts: Vec<Part> = resting.map(part).collect();
         let Some(tree) = WorldTree::build(&parts) else { return self };
@@ -277,15 +308,21 @@ impl TestScene {
         self.build_top_level();
     }
 
+    /// Triangles and vertices in buffers from which the device builds its acceleration structures.
+    pub fn inputs_of_structures(&self, device: &RenderDevice) -> [Buffer; 2] {
+        let buffer = |contents| {
+            let usage = wgpu::BufferUsages::BLAS_INPUT;
+            device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor { label: None, contents, usage })
+        };
+        let (triangles, vertices) = (or_one(&self.triangles), or_one(&self.vertices));
+        [buffer(bytemuck::cast_slice(&triangles)), buffer(bytemuck::cast_slice(&vertices))]
+    }
+
     /// The device's acceleration structures over the same triangles and instances, of the last frame and of this one.
     pub fn structures(&self, gpu: &Gpu) -> AccelerationStructures {
         let device = RenderDevice::new(WgpuWrapper::new(gpu.device.clone()));
         let queue = RenderQueue(Arc::new(WgpuWrapper::new(gpu.queue.clone())));
-        let triangles = device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor {
-            label: None,
-            contents: bytemuck::cast_slice(&or_one(&self.triangles)),
-            usage: wgpu::BufferUsages::BLAS_INPUT,
-        });
+        let [triangles, vertices] = self.inputs_of_structures(&device);
         let mut structures = AccelerationStructures::default();
         let previous = |instance: &GpuInstance| instance.previous_world_from_object;
         for place in [previous, |instance: &GpuInstance| instance.world_from_object] {
@@ -296,12 +333,13 @@ impl TestScene {
                     version: u64::from(instance.first_triangle),
                     rebuild: false,
                     triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
+                    vertices_end: self.vertices.len() as u32,
                     world_from_object: place(instance),
                     opaque: instance.flags & INSTANCE_ALPHA == 0,
                     mask: 0xff,
                 })
                 .collect();
-            structures.update(&placed, &triangles, &device, &queue);
+            structures.update(&placed, [&triangles, &vertices], &device, &queue);
         }
         structures
     }
@@ -331,6 +369,7 @@ impl TestScene {
             uniforms: gpu.uniform(&self.uniforms),
             nodes: gpu.storage(&or_one(&self.nodes)),
             triangles: gpu.storage(&or_one(&self.triangles)),
+            vertices: gpu.storage(&or_one(&self.vertices)),
             instances: gpu.storage(&or_one(&self.instances)),
             materials: gpu.storage(&or_one(&self.materials)),
             input: gpu.storage(inputs),
@@ -346,6 +385,7 @@ pub struct Uploaded {
     uniforms: wgpu::Buffer,
     nodes: wgpu::Buffer,
     triangles: wgpu::Buffer,
+    vertices: wgpu::Buffer,
     instances: wgpu::Buffer,
     materials: wgpu::Buffer,
     input: wgpu::Buffer,
@@ -361,6 +401,7 @@ impl Uploaded {
             (0, 0, Bound::Buffer(&self.uniforms)),
             (0, 1, Bound::Buffer(&self.nodes)),
             (0, 2, Bound::Buffer(&self.triangles)),
+            (0, 3, Bound::Buffer(&self.vertices)),
             (0, 4, Bound::Buffer(&self.instances)),
             (0, 5, Bound::Buffer(&self.materials)),
             (1, 0, Bound::Buffer(&self.input)),

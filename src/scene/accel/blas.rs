@@ -1,10 +1,10 @@
-//! Builds a bottom-level tree from the triangles of a mesh: an 8-wide compressed tree (CWBVH; Ylitie, Karras and Laine 2017), and the
-//! triangles in the order of its leaves.
+//! Builds a bottom-level tree from the triangles of a mesh: an 8-wide compressed tree (CWBVH; Ylitie, Karras and Laine 2017), the triangles
+//! in the order of its leaves, and the vertices in the order of these triangles.
 //!
 //! The crate obvhs builds a binary tree by PLOC, improves it by reinsertion, and converts it.  Only this file and `tlas.rs` use obvhs.
 //! Their interfaces take and return plain arrays, because obvhs has its own version of glam.
 
-use crate::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE};
+use crate::gpu_layout::{GpuTriangle, GpuVertex, NODE_STRIDE, NONE};
 use crate::scene::geometry::{
     rig::Rig,
     triangulate::{Geometry, HalfColor},
@@ -39,15 +39,16 @@ pub const MAX_TLAS_DEPTH: u32 = STACK_SIZE - 2 * MAX_BLAS_DEPTH - 2;
 // A deeper binary tree is not converted, because the conversion of obvhs recurses and could overflow the stack.
 const MAX_BINARY_DEPTH: u32 = 160;
 
-/// The tree of a mesh.  Its node and triangle indices start at 0 until [`bake`] adds their offsets in the shared buffers.
+/// The tree of a mesh.  Its indices of nodes, triangles and vertices start at 0 until [`bake`] and [`bake_vertices`] add their offsets in the
+/// shared buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Blas {
     /// [`NODE_STRIDE`] elements for each node.
     pub nodes: Vec<[u32; 4]>,
     /// Triangles in the order of the leaves.
     pub triangles: Vec<GpuTriangle>,
-    /// Attributes in the order of `triangles`.
-    pub attributes: Vec<GpuTriangleAttributes>,
+    /// Vertices in the order in which `triangles` have them first, so that neighbors are near each other in memory.
+    pub vertices: Vec<GpuVertex>,
     /// Second texture coordinates in the order of `triangles`; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Vertex colors in the order of `triangles`; empty if the mesh has none.
@@ -68,21 +69,28 @@ impl Blas {
 
 /// Builds the tree of a mesh; `None` if it has no triangles.
 pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
-    let tree = build_triangle_tree(&geometry.positions)?;
-    let triangle = |&i: &u32| {
-        let [a, b, c] = geometry.positions[i as usize];
-        GpuTriangle { a, b, c, ..Default::default() }
+    let tree = build_triangle_tree(&geometry.corners())?;
+    let mut order_of_vertices = Vec::with_capacity(geometry.vertices.len());
+    let mut places = vec![NONE; geometry.vertices.len()];
+    let mut place_of = |vertex: u32| {
+        let place = &mut places[vertex as usize];
+        if *place == NONE {
+            *place = order_of_vertices.len() as u32;
+            order_of_vertices.push(vertex);
+        }
+        *place
     };
+    let triangle = |&i: &u32| {
+        let [a, b, c] = geometry.triangles[i as usize].map(&mut place_of);
+        GpuTriangle { a, b, c }
+    };
+    let triangles = tree.order.iter().map(triangle).collect();
     Some(Blas {
-        triangles: tree.order.iter().map(triangle).collect(),
-        attributes: tree
-            .order
-            .iter()
-            .map(|&i| geometry.attributes.get(i as usize).copied().unwrap_or_default())
-            .collect(),
+        triangles,
+        vertices: order_of_vertices.iter().map(|&i| geometry.vertices[i as usize]).collect(),
         second_uvs: tree.order.iter().filter_map(|&i| geometry.second_uvs.get(i as usize).copied()).collect(),
         colors: tree.order.iter().filter_map(|&i| geometry.colors.get(i as usize).copied()).collect(),
-        rig: geometry.rig.as_ref().map(|vertices| vertices.pack(geometry, &tree.order, &tree.nodes)),
+        rig: geometry.rig.as_ref().map(|vertices| vertices.pack(geometry, &order_of_vertices, &tree.nodes)),
         nodes: tree.nodes,
         bounds: tree.bounds,
     })
@@ -93,6 +101,15 @@ pub fn bake(nodes: &mut [[u32; 4]], node_base: u32, primitive_base: u32) {
     for node in nodes.chunks_exact_mut(NODE_STRIDE as usize) {
         node[1][0] = node[1][0].wrapping_add(node_base);
         node[1][1] = node[1][1].wrapping_add(primitive_base);
+    }
+}
+
+/// Adds the offset of a mesh's vertices in the shared buffer to the indices of its triangles.
+pub fn bake_vertices(triangles: &mut [GpuTriangle], vertex_base: u32) {
+    for triangle in triangles {
+        for vertex in [&mut triangle.a, &mut triangle.b, &mut triangle.c] {
+            *vertex += vertex_base;
+        }
     }
 }
 

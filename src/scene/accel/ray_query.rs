@@ -1,7 +1,8 @@
 //! The device's own acceleration structures, for tracing by ray queries.
 //!
-//! Each mesh has a bottom level, which is built once over the triangles that shaders read.  There is a top level over the instances of this
-//! frame and, while it differs, one over those of the last frame, because temporal reuse traces rays through the previous scene.
+//! Each mesh has a bottom level, which is built once over the triangles and vertices that shaders read.  There is a top level over the
+//! instances of this frame and, while it differs, one over those of the last frame, because temporal reuse traces rays through the previous
+//! scene.
 
 use bevy::{
     log::{warn, warn_once},
@@ -14,7 +15,7 @@ use bevy::{
 use std::ops::Range;
 
 use crate::{
-    gpu_layout::{GpuTriangle, NONE, Rows},
+    gpu_layout::{GpuVertex, NONE, Rows},
     scene::storage::allocation,
     settings::RayBackend,
 };
@@ -82,6 +83,8 @@ pub struct Placed {
     pub rebuild: bool,
     /// Range of its mesh in the triangle buffer; not empty.
     pub triangles: Range<u32>,
+    /// End of the range of its vertices in the vertex buffer.
+    pub vertices_end: u32,
     /// Must be invertible.
     pub world_from_object: Rows,
     /// Every hit stops the ray: no triangle needs an alpha test.
@@ -118,7 +121,13 @@ impl AccelerationStructures {
     /// Builds the top level over `placed` and the missing bottom levels.  The old top level becomes that of the last frame.  Returns the
     /// number of bytes sent; if no instance changed, it is 0 and both frames share one top level.  If the device has no memory for them, all
     /// structures are dropped.
-    pub fn update(&mut self, placed: &[Placed], triangles: &Buffer, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub fn update(
+        &mut self,
+        placed: &[Placed],
+        triangles_and_vertices: [&Buffer; 2],
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
         if self.current.is_some() && self.placed == placed {
             self.keep();
             return 0;
@@ -127,7 +136,7 @@ impl AccelerationStructures {
             self.wait -= 1;
             return 0;
         }
-        let build = || self.build(placed, triangles, device, queue);
+        let build = || self.build(placed, triangles_and_vertices, device, queue);
         if let Err(error) = allocation::attempt(device, "ray-query structures", build) {
             self.drop_all(&error);
             return 0;
@@ -151,7 +160,13 @@ impl AccelerationStructures {
         self.wait = RETRY;
     }
 
-    fn build(&mut self, placed: &[Placed], triangles: &Buffer, device: &RenderDevice, queue: &RenderQueue) {
+    fn build(
+        &mut self,
+        placed: &[Placed],
+        [triangles, vertices]: [&Buffer; 2],
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
         // If instances also moved in the last frame, the top level of the frame before it can be reused.
         let spare = core::mem::replace(&mut self.previous, self.current.take());
         let count = placed.len() as u32;
@@ -188,11 +203,11 @@ impl AccelerationStructures {
                 blas,
                 geometry: BlasGeometries::TriangleGeometries(vec![BlasTriangleGeometry {
                     size,
-                    vertex_buffer: triangles,
-                    first_vertex: 3 * first,
-                    vertex_stride: size_of::<GpuTriangle>() as u64 / 3,
-                    index_buffer: None,
-                    first_index: None,
+                    vertex_buffer: vertices,
+                    first_vertex: 0,
+                    vertex_stride: size_of::<GpuVertex>() as u64,
+                    index_buffer: Some(triangles),
+                    first_index: Some(3 * first),
                     transform_buffer: None,
                     transform_buffer_offset: None,
                 }]),
@@ -255,9 +270,10 @@ impl TopLevel {
 fn size_of_geometry(instance: &Placed) -> BlasTriangleGeometrySizeDescriptor {
     BlasTriangleGeometrySizeDescriptor {
         vertex_format: VertexFormat::Float32x3,
-        vertex_count: 3 * (instance.triangles.end - instance.triangles.start),
-        index_format: None,
-        index_count: None,
+        // Triangles count their vertices from the beginning of the buffer.
+        vertex_count: instance.vertices_end,
+        index_format: Some(IndexFormat::Uint32),
+        index_count: Some(3 * (instance.triangles.end - instance.triangles.start)),
         flags: if instance.opaque {
             AccelerationStructureGeometryFlags::OPAQUE
         } else {

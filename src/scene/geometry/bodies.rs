@@ -1,6 +1,6 @@
-//! Keeps the bodies: instances of skinned and morphed meshes, each with triangles and a tree of its own.
+//! Keeps the bodies: instances of skinned and morphed meshes, each with triangles, vertices and a tree of its own.
 //!
-//! A compute pass poses the triangles of the bodies whose pose has changed, and refits their trees (`shaders/deformation/`).  Triangles keep
+//! A compute pass poses the vertices of the bodies whose pose has changed, and refits their trees (`shaders/deformation/`).  Triangles keep
 //! their indices, so that samples of the last frame refer to the right ones.  A body whose pose does not change costs no GPU time;
 //! each frame extracts its pose and compares it on the CPU.
 
@@ -40,6 +40,8 @@ pub(crate) struct Body {
     mesh_version: u64,
     /// Triangles of this frame, followed by those of the last frame.
     all_triangles: Range<u32>,
+    /// Vertices of this frame, followed by those of the last frame.
+    all_vertices: Range<u32>,
     /// Empty with ray queries.
     nodes: Range<u32>,
     boxes: Range<u32>,
@@ -51,20 +53,24 @@ pub(crate) struct Body {
     versions: [u64; 2],
     /// Its shape differs from that of the last frame.
     pub moved: bool,
-    /// Its triangles must be posed in this frame: its pose has changed in this frame, or in the last one.  After a change in the last frame
-    /// the triangles are right, and their copies for the last frame are still those of the pose before.
+    /// Its vertices must be posed in this frame: its pose has changed in this frame, or in the last one.  After a change in the last frame
+    /// the vertices are right, and their copies for the last frame are still those of the pose before.
     is_due: bool,
-    /// The device had no memory to pose its triangles.  They are posed late, and once more in the frame after, for the copy of the last frame.
+    /// The device had no memory to pose its vertices.  They are posed late, and once more in the frame after, for the copy of the last frame.
     is_late: bool,
-    /// Its triangles have not been posed yet, so there are no triangles of the last frame.
+    /// Its vertices have not been posed yet, so there are none of the last frame.
     appeared: bool,
 }
 
 impl Body {
     /// Its triangles of this frame.
     pub(crate) fn triangles(&self) -> Range<u32> {
-        let Range { start, end } = self.all_triangles;
-        start..start + (end - start) / 2
+        first_half(&self.all_triangles)
+    }
+
+    /// Its vertices of this frame.
+    pub(crate) fn vertices(&self) -> Range<u32> {
+        first_half(&self.all_vertices)
     }
 
     /// World from object, if it is not that of its entity.
@@ -83,6 +89,10 @@ impl Body {
     }
 }
 
+fn first_half(range: &Range<u32>) -> Range<u32> {
+    range.start..range.start + (range.end - range.start) / 2
+}
+
 /// Reasons to warn about a body.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum BodyProblem {
@@ -93,7 +103,7 @@ enum BodyProblem {
 /// Greatest number of bodies: that of workgroups in a dimension of a dispatch.
 const MAX_WORKGROUPS: usize = 65535;
 
-/// Number of triangles that a workgroup poses, equal to `WORKGROUP` in `shaders/pass/deform.wgsl`.
+/// Number of vertices that a workgroup poses, equal to `WORKGROUP` in `shaders/pass/deform.wgsl`.
 const WORKGROUP: u32 = 64;
 
 /// The bodies of the scene.
@@ -169,7 +179,7 @@ impl BodyPool {
         self.warned.begin_frame();
         for body in self.retired.drain(..) {
             body.versions.into_iter().for_each(|version| meshes.forget_corners(version));
-            meshes.release_body(body.all_triangles, body.nodes);
+            meshes.release_body([body.all_triangles, body.all_vertices, body.nodes]);
             self.box_ranges.release(body.boxes);
         }
         let mut last = core::mem::take(&mut self.bodies);
@@ -223,14 +233,14 @@ impl BodyPool {
         let mesh = meshes.get(id)?;
         let (mesh_version, nodes) = (mesh.version, mesh.nodes.len() as u32);
         let bounds = mesh.rig.as_ref()?.bounds.in_pose(pose);
-        let triangles = (mesh.triangles.len() as u32).checked_mul(2)?;
-        if mesh.triangles.len() > MAX_WORKGROUPS * WORKGROUP as usize {
+        if mesh.triangles.len().max(mesh.vertices.len()) > MAX_WORKGROUPS * WORKGROUP as usize {
             return None;
         }
+        let counts = [2 * mesh.triangles.len() as u32, 2 * mesh.vertices.len() as u32, nodes];
         let boxes = self.box_ranges.allocate(nodes);
         let ranges = self.boxes.reserve(self.box_ranges.end(), device, queue);
-        let ranges = ranges.then(|| meshes.allocate_body(triangles, nodes, device, queue)).flatten();
-        let Some((all_triangles, nodes)) = ranges else {
+        let ranges = ranges.then(|| meshes.allocate(counts, device, queue)).flatten();
+        let Some([all_triangles, all_vertices, nodes]) = ranges else {
             self.box_ranges.release(boxes);
             return None;
         };
@@ -238,6 +248,7 @@ impl BodyPool {
             mesh: id,
             mesh_version,
             all_triangles,
+            all_vertices,
             nodes,
             boxes,
             pose: pose.clone(),
@@ -282,7 +293,7 @@ impl BodyPool {
         self.is_ready
     }
 
-    /// Poses the triangles of all bodies that are due, and refits their trees.  Returns the number of bytes sent.
+    /// Poses the vertices of all bodies that are due, and refits their trees.  Returns the number of bytes sent.
     pub(crate) fn deform(
         &mut self,
         meshes: &mut MeshPool,
@@ -341,7 +352,7 @@ impl BodyPool {
             meshes.rigs.buffer(),
             self.poses.buffer(),
             meshes.triangles.buffer(),
-            meshes.attributes.buffer(),
+            meshes.vertices.buffer(),
             meshes.nodes.buffer(),
             self.boxes.buffer(),
         ];
@@ -357,7 +368,12 @@ impl BodyPool {
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
             pass.set_bind_group(0, &bind_group, &[]);
-            let most = records.iter().map(|body| body.triangle_count).max().unwrap_or(0);
+            // Each invocation also adds a triangle of a new body.
+            let invocations = |body: &GpuBody| match body.flags & BODY_APPEARED {
+                0 => body.vertex_count,
+                _ => body.vertex_count.max(body.triangle_count),
+            };
+            let most = records.iter().map(invocations).max().unwrap_or(0);
             pass.set_pipeline(pose);
             pass.dispatch_workgroups(most.div_ceil(WORKGROUP), records.len() as u32, 1);
             pass.set_pipeline(refit);
@@ -412,22 +428,16 @@ impl Body {
         let targets = self.pose.weights.iter().take(tables.target_count as usize).enumerate();
         poses.extend(targets.filter(|(_, weight)| **weight != 0.0).map(|(i, weight)| [*weight, i as f32, 0.0, 0.0]));
         let is_skinned = tables.influences != NONE && !self.pose.joints.is_empty();
-        let mut flags = 0;
-        if self.appeared {
-            flags |= BODY_APPEARED;
-        }
-        if rig.flat {
-            flags |= BODY_FLAT;
-        }
         Some(GpuBody {
             rest_triangle: mesh.triangles.start,
             triangle: self.all_triangles.start,
             triangle_count: mesh.triangles.len() as u32,
+            rest_vertex: mesh.vertices.start,
+            vertex: self.all_vertices.start,
+            vertex_count: mesh.vertices.len() as u32,
             rest_node: mesh.nodes.start,
             node: self.nodes.start,
             first_box: 2 * self.boxes.start,
-            corners: rig.words.start + tables.corners,
-            vertex_count: tables.vertex_count,
             influences: if is_skinned { rig.words.start + tables.influences } else { NONE },
             targets: rig.words.start + tables.targets,
             levels: rig.words.start + tables.levels,
@@ -437,7 +447,7 @@ impl Body {
             joint_count: self.pose.joints.len() as u32,
             weights,
             weight_count: poses.len() as u32 - weights,
-            flags,
+            flags: if self.appeared { BODY_APPEARED } else { 0 },
         })
     }
 }

@@ -1,8 +1,9 @@
-//! Keeps the triangles and the bottom-level tree of each mesh in shared buffers.
+//! Keeps the triangles, the vertices and the bottom-level tree of each mesh in shared buffers.
 //!
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
 
+pub(crate) mod corner_copies;
 mod problems;
 mod ranges;
 
@@ -24,6 +25,7 @@ use bevy::{
 };
 use std::ops::Range;
 
+use corner_copies::{CornerCopies, CornerCopy};
 use problems::MeshProblem;
 
 use crate::cpu_times::{CpuTimes, Stage};
@@ -46,18 +48,17 @@ pub(crate) struct MeshRig {
     pub words: Range<u32>,
     pub tables: RigTables,
     pub bounds: RigBounds,
-    /// The mesh has no normals of its own.
-    pub flat: bool,
 }
 
 /// A mesh on the GPU.
 pub(crate) struct MeshEntry {
     pub nodes: Range<u32>,
     pub triangles: Range<u32>,
+    pub vertices: Range<u32>,
     pub bounds: Bounds,
-    /// Object-space corners in the order of the leaves, for the power of emissive triangles.
-    pub positions: Vec<[[f32; 3]; 3]>,
-    /// Second texture coordinates in the same order, for the time when a material uses them; empty if the mesh has none.
+    /// Corners of its triangles, for the powers of emissive ones and for the tree over instances that rest.
+    pub corners: Option<CornerCopy>,
+    /// Second texture coordinates of all corners, for the time when a material uses them; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Vertex colors in the same order; empty if the mesh has none.
     pub colors: Vec<[HalfColor; 3]>,
@@ -107,16 +108,18 @@ pub(crate) struct MeshPool {
     lines_and_points: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
+    vertex_ranges: RangeAllocator,
     rig_ranges: RangeAllocator,
     pub nodes: GrowableBuffer<[[u32; 4]; NODE_STRIDE as usize]>,
     pub triangles: GrowableBuffer<GpuTriangle>,
-    pub attributes: GrowableBuffer<GpuTriangleAttributes>,
+    pub vertices: GrowableBuffer<GpuVertex>,
     /// Tables of the meshes that bend.
     pub rigs: GrowableBuffer<u32>,
     /// Second texture coordinates of the triangles, in scenes with a texture that uses them.
     pub second_uvs: CornerTexture<[f32; 2]>,
     /// Vertex colors of the triangles, in scenes with such a mesh.
     pub colors: CornerTexture<HalfColor>,
+    copies: CornerCopies,
     last_version: u64,
     last_features: SceneFeatures,
     /// Meshes that have come, changed or gone since [`Self::take_changed`]; some more than once.
@@ -144,13 +147,15 @@ impl Default for MeshPool {
             lines_and_points: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
+            vertex_ranges: RangeAllocator::default(),
             rig_ranges: RangeAllocator::default(),
             nodes: GrowableBuffer::new("acceleration structures"),
             triangles: GrowableBuffer::new("triangles"),
-            attributes: GrowableBuffer::new("triangle attributes"),
+            vertices: GrowableBuffer::new("vertices"),
             rigs: GrowableBuffer::new("rigs"),
             second_uvs: CornerTexture::new("second texture coordinates", "0", TextureFormat::Rg32Float),
             colors: CornerTexture::new("vertex colors", "white", TextureFormat::Rgba16Float),
+            copies: CornerCopies::default(),
             last_version: 0,
             last_features: SceneFeatures::empty(),
             changed: Vec::new(),
@@ -208,6 +213,7 @@ pub(crate) fn finish_meshes(
     let pool = &mut *pool;
     pool.uploaded = 0;
     pool.warned.begin_frame();
+    pool.take_copies(&device);
     if core::mem::take(&mut pool.has_room) {
         pool.insert_too_large(&device, &queue);
     }
@@ -285,16 +291,26 @@ impl MeshPool {
             ("warnings of meshes", self.warned.len()),
             ("nodes", self.node_ranges.end() as usize),
             ("triangles", self.triangle_ranges.end() as usize),
+            ("vertices", self.vertex_ranges.end() as usize),
             ("rigs", self.rig_ranges.end() as usize),
             ("meshes with second coordinates", self.second_uvs.len()),
             ("meshes with vertex colors", self.colors.len()),
+            ("meshes with copies of corners", self.entries.values().filter(|entry| entry.corners.is_some()).count()),
+            ("meshes that are read back", self.copies.len()),
         ]
     }
 
-    /// A pool for ray queries: the device builds its acceleration structures from our triangle buffer.
+    /// The pool.  `waits`: pictures must be repeatable, so frames wait for copies of emissive meshes.
+    pub(crate) fn that_waits(mut self, waits: bool) -> Self {
+        self.copies.waits = waits;
+        self
+    }
+
+    /// A pool for ray queries: the device builds its acceleration structures from our triangles and vertices.
     pub(crate) fn for_ray_queries() -> Self {
         let mut pool = Self { ray_queries: true, ..Default::default() };
         pool.triangles.add_usage(BufferUsages::BLAS_INPUT);
+        pool.vertices.add_usage(BufferUsages::BLAS_INPUT);
         pool
     }
 
@@ -319,34 +335,27 @@ impl MeshPool {
         queue: &RenderQueue,
     ) -> Result<(), Box<Blas>> {
         if self.ray_queries {
-            // wgpu compares the number of vertices, not that of triangles, with the limit of primitives.
-            let vertices = 3 * blas.triangles.len() as u64;
-            if vertices > u64::from(device.limits().max_blas_primitive_count) {
-                return Err(blas.into());
-            }
             blas.nodes = Vec::new();
         }
         let node_count = (blas.nodes.len() / NODE_STRIDE as usize) as u32;
-        let nodes = self.node_ranges.allocate(node_count);
-        let triangles = self.triangle_ranges.allocate(blas.triangles.len() as u32);
-        let fits = self.nodes.reserve(self.node_ranges.end(), device, queue)
-            && self.triangles.reserve(self.triangle_ranges.end(), device, queue)
-            && self.attributes.reserve(self.triangle_ranges.end(), device, queue);
-        if !fits {
-            self.node_ranges.release(nodes);
-            self.triangle_ranges.release(triangles);
+        let counts = [blas.triangles.len() as u32, blas.vertices.len() as u32, node_count];
+        let Some([triangles, vertices, nodes]) = self.allocate(counts, device, queue) else {
             return Err(blas.into());
-        }
+        };
+        let corners = Some(CornerCopy::new(&blas.triangles, &blas.vertices, 0));
+        self.copies.has_more = true;
         blas::bake(&mut blas.nodes, nodes.start, triangles.start);
+        blas::bake_vertices(&mut blas.triangles, vertices.start);
         self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
             + self.triangles.write(triangles.start, &blas.triangles, queue)
-            + self.attributes.write(triangles.start, &blas.attributes, queue);
+            + self.vertices.write(vertices.start, &blas.vertices, queue);
         let rig = blas.rig.and_then(|rig| self.insert_rig(id, rig, device, queue));
         let entry = MeshEntry {
             nodes,
             triangles,
+            vertices,
             bounds: blas.bounds,
-            positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
+            corners,
             second_uvs: blas.second_uvs,
             colors: blas.colors,
             rig,
@@ -377,7 +386,7 @@ impl MeshPool {
             return None;
         }
         self.uploaded += self.rigs.write(words.start, &rig.words, queue);
-        Some(MeshRig { words, tables: rig.tables, bounds: rig.bounds, flat: rig.flat })
+        Some(MeshRig { words, tables: rig.tables, bounds: rig.bounds })
     }
 
     /// A number that no mesh or body has had.
@@ -415,11 +424,11 @@ impl MeshPool {
     /// Frees the ranges of meshes that the last frame was the last to use.
     fn release_retired(&mut self) {
         self.has_room |= !self.retired.is_empty();
-        for entry in self.retired.drain(..) {
+        for entry in core::mem::take(&mut self.retired) {
+            self.copies.forget(entry.version);
             self.second_uvs.forget(entry.version);
             self.colors.forget(entry.version);
-            self.node_ranges.release(entry.nodes);
-            self.triangle_ranges.release(entry.triangles);
+            self.release_ranges([entry.triangles, entry.vertices, entry.nodes]);
             self.rig_ranges.release(entry.rig.map_or(0..0, |rig| rig.words));
         }
     }
@@ -464,9 +473,9 @@ impl MeshPool {
         self.entries.values().chain(&self.retired).map(|entry| entry.version).collect()
     }
 
-    /// Whether no mesh that an instance shows is being built.
+    /// Whether no mesh that an instance shows is being built or read back.
     pub(crate) fn idle(&self, instances: &InstanceList) -> bool {
-        self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
+        !self.awaits_copies() && self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
     }
 
     /// Whether each mesh has been built before; some may be built again.

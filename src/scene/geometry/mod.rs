@@ -16,3 +16,6 @@ pub(crate) mod totals;
 pub mod triangulate;
 pub(crate) mod visibility_range;
 pub mod world_tree;
+
+#[cfg(feature = "testing")]
+pub use meshes::corner_copies::limit_corner_copies;

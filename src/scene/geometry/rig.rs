@@ -14,12 +14,10 @@ use bevy::math::{Affine3A, Mat3A, Vec3};
 /// Offsets of the tables of a rig, in words (`Body` in `shaders/deformation/types.wgsl`), and their lengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RigTables {
-    pub corners: u32,
     /// `NONE` without a skin.
     pub influences: u32,
     pub targets: u32,
     pub levels: u32,
-    pub vertex_count: u32,
     pub target_count: u32,
     pub level_count: u32,
 }
@@ -44,14 +42,12 @@ pub struct RigVertices {
     vertex_count: usize,
 }
 
-/// A rig whose corners have the order of the leaves of the mesh's tree.
+/// A rig whose tables have the order of the vertices that shaders read.
 #[derive(Clone, Debug, Default)]
 pub struct Rig {
     pub words: Vec<u32>,
     pub tables: RigTables,
     pub bounds: RigBounds,
-    /// The mesh has no normals of its own.
-    pub flat: bool,
 }
 
 /// The pose of a body.
@@ -119,20 +115,23 @@ impl RigVertices {
         bends.then_some(Self { influences, displacements, vertex_count })
     }
 
-    /// Packs the rig of a mesh for the tree with these nodes, whose leaves hold the triangles in this order.
-    pub fn pack(&self, geometry: &Geometry, order: &[u32], nodes: &[[u32; 4]]) -> Rig {
-        let mut words: Vec<u32> = order.iter().flat_map(|&i| geometry.corners[i as usize]).collect();
-        let mut tables = RigTables { influences: NONE, vertex_count: self.vertex_count as u32, ..Default::default() };
+    /// Packs the rig of a mesh for the tree with these nodes, and for these of its vertices, as indices in those of the geometry.
+    pub fn pack(&self, geometry: &Geometry, vertices: &[u32], nodes: &[[u32; 4]]) -> Rig {
+        let mut words: Vec<u32> = Vec::new();
+        let mut tables = RigTables { influences: NONE, ..Default::default() };
+        let sources: Vec<usize> = vertices.iter().map(|&i| geometry.sources[i as usize] as usize).collect();
         if !self.influences.is_empty() {
             tables.influences = words.len() as u32;
-            for ([a, b, c, d], weights) in &self.influences {
+            for ([a, b, c, d], weights) in sources.iter().map(|&source| &self.influences[source]) {
                 words.extend([u32::from(*a) | u32::from(*b) << 16, u32::from(*c) | u32::from(*d) << 16]);
                 words.extend(weights.map(f32::to_bits));
             }
         }
         tables.targets = words.len() as u32;
         tables.target_count = (self.displacements.len() / self.vertex_count.max(1)) as u32;
-        words.extend(self.displacements.iter().flatten().flatten().map(|x| x.to_bits()));
+        for target in self.displacements.chunks_exact(self.vertex_count.max(1)) {
+            words.extend(sources.iter().flat_map(|&source| target[source].as_flattened()).map(|x| x.to_bits()));
+        }
         tables.levels = words.len() as u32;
         let levels = levels_of(nodes);
         tables.level_count = levels.len() as u32;
@@ -143,7 +142,7 @@ impl RigVertices {
             words.push(end);
         }
         words.extend(levels.into_iter().flatten());
-        Rig { words, tables, bounds: self.bounds(geometry), flat: !geometry.has_normals }
+        Rig { words, tables, bounds: self.bounds(geometry) }
     }
 
     fn bounds(&self, geometry: &Geometry) -> RigBounds {
@@ -151,18 +150,16 @@ impl RigVertices {
             self.influences.iter().flat_map(|(joints, _)| *joints).max().map_or(1, |last| last as usize + 1);
         let mut joints = vec![NO_BOUNDS; joint_count];
         let mut targets = vec![NO_BOUNDS; self.displacements.len() / self.vertex_count.max(1)];
-        for (corners, positions) in geometry.corners.iter().zip(&geometry.positions) {
-            for (&vertex, &position) in corners.iter().zip(positions) {
-                match self.influences.get(vertex as usize) {
-                    Some((of, weights)) => {
-                        let used = of.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
-                        used.for_each(|(joint, _)| include(&mut joints[*joint as usize], position));
-                    }
-                    None => include(&mut joints[0], position),
+        for (vertex, &source) in geometry.vertices.iter().zip(&geometry.sources) {
+            match self.influences.get(source as usize) {
+                Some((of, weights)) => {
+                    let used = of.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
+                    used.for_each(|(joint, _)| include(&mut joints[*joint as usize], vertex.position));
                 }
-                for (target, bounds) in targets.iter_mut().enumerate() {
-                    include(bounds, self.displacements[target * self.vertex_count + vertex as usize][0]);
-                }
+                None => include(&mut joints[0], vertex.position),
+            }
+            for (target, bounds) in targets.iter_mut().enumerate() {
+                include(bounds, self.displacements[target * self.vertex_count + source as usize][0]);
             }
         }
         RigBounds { joints, targets }

@@ -88,6 +88,7 @@ fn placed(
         version: body.map_or(mesh.version, |body| body.version()),
         rebuild: body.is_some_and(|body| body.moved),
         triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
+        vertices_end: body.map_or(mesh.vertices.end, |body| body.vertices().end),
         world_from_object: instance.world_from_object,
         opaque: instance.flags & INSTANCE_ALPHA == 0,
         mask: live.ray_mask as u8,
@@ -240,12 +241,14 @@ impl TopLevel {
             structures.keep();
             return false;
         }
-        if !meshes.triangles.reserve(1, device, queue) {
+        if !(meshes.triangles.reserve(1, device, queue) && meshes.vertices.reserve(1, device, queue)) {
             return false;
         }
-        let Some(triangles) = meshes.triangles.buffer() else { return false };
+        let (Some(triangles), Some(vertices)) = (meshes.triangles.buffer(), meshes.vertices.buffer()) else {
+            return false;
+        };
         let before = structures.revision;
-        self.uploaded_nodes = structures.update(&self.placed, triangles, device, queue);
+        self.uploaded_nodes = structures.update(&self.placed, [triangles, vertices], device, queue);
         if structures.revision == before {
             return false;
         }

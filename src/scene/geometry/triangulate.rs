@@ -1,11 +1,15 @@
-//! Converts a Bevy mesh to triangles with valid positions and packed attributes.
+//! Converts a Bevy mesh to triangles over packed vertices with valid positions.
 //!
 //! Any set of attributes, index width and triangle topology is accepted.  Unusable triangles are left out and counted by reason.  Of skinned
-//! and morphed meshes this is the rest pose.
+//! and morphed meshes this is the rest pose.  Triangles share the vertices that they share in the mesh.  In a mesh without indices, vertices
+//! with equal bits are one.
 
 use super::rig::RigVertices;
-use crate::gpu_layout::GpuTriangleAttributes;
-use bevy::mesh::{Indices, Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues};
+use crate::gpu_layout::{GpuVertex, NONE, NOT_GIVEN};
+use bevy::{
+    mesh::{Indices, Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues},
+    platform::collections::HashMap,
+};
 use half::f16;
 
 type V3 = [f32; 3];
@@ -24,26 +28,27 @@ const MIN_SQUARED_DOUBLE_AREA: f64 = 1.0e-36;
 /// The triangles of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Geometry {
-    /// Corners of each triangle in object space.
-    pub positions: Vec<[V3; 3]>,
-    /// Attributes of the corners, in the same order.
-    pub attributes: Vec<GpuTriangleAttributes>,
-    /// Second texture coordinates of the corners, in the same order; empty if the mesh has none.
+    /// The vertices that triangles have.
+    pub vertices: Vec<GpuVertex>,
+    /// The vertices of each triangle, as indices in `vertices`.
+    pub triangles: Vec<[u32; 3]>,
+    /// The mesh's vertex of each of `vertices`: the first one if several are equal.
+    pub sources: Vec<u32>,
+    /// Second texture coordinates of the corners of each triangle; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
-    /// Vertex colors of the corners, in the same order; empty if the mesh has none, or if all of them are white.
+    /// Vertex colors of the corners of each triangle; empty if the mesh has none, or if all of them are white.
     pub colors: Vec<[HalfColor; 3]>,
-    /// The vertex of each corner, in the same order; empty if the mesh does not bend.
-    pub corners: Vec<[u32; 3]>,
     /// Joints and morph targets of the vertices.
     pub rig: Option<RigVertices>,
     /// Numbers of triangles that are left out.
     pub dropped: Dropped,
-    /// The mesh has normals.  Otherwise each triangle has its flat normal.
-    pub has_normals: bool,
-    /// The mesh has texture coordinates.  Otherwise they are 0.
-    pub has_uvs: bool,
-    /// The mesh has tangents.  Otherwise each triangle gets one from its texture coordinates.
-    pub has_tangents: bool,
+}
+
+impl Geometry {
+    /// Corners of each triangle in object space.
+    pub fn corners(&self) -> Vec<[V3; 3]> {
+        self.triangles.iter().map(|triangle| triangle.map(|vertex| self.vertices[vertex as usize].position)).collect()
+    }
 }
 
 /// Numbers of triangles that are left out of a [`Geometry`], by reason.
@@ -114,16 +119,14 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     let tangents = readable(Mesh::ATTRIBUTE_TANGENT, 4)?;
     let indices = mesh.try_indices_option().map_err(|_| GeometryError::Extracted)?;
 
-    let mut geometry = Geometry {
-        has_normals: normals.is_some(),
-        has_uvs: uvs.is_some(),
-        has_tangents: tangents.is_some(),
-        ..Default::default()
-    };
-    let vertices = positions.len();
-    geometry.rig = RigVertices::of(mesh, vertices);
-    for_each_triangle(strip, vertices, indices, |corners| {
-        if corners.iter().any(|&c| c >= vertices) {
+    let vertex_count = positions.len();
+    let mut geometry = Geometry { rig: RigVertices::of(mesh, vertex_count), ..Default::default() };
+    // Vertices of a mesh that bends may be equal at rest only.
+    let joins_equal = indices.is_none() && geometry.rig.is_none();
+    let mut places = vec![NONE; vertex_count];
+    let mut equal: HashMap<[u32; 7], u32> = HashMap::default();
+    for_each_triangle(strip, vertex_count, indices, |corners| {
+        if corners.iter().any(|&c| c >= vertex_count) {
             geometry.dropped.out_of_range += 1;
             return;
         }
@@ -133,22 +136,34 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
             return;
         }
         // A triangle that bends may have an area in another pose, such as that of a closed eyelid.
-        let rest_normal = geometry.rig.as_ref().map(|_| [0.0, 0.0, 1.0]);
-        let Some(flat) = flat_normal(&p).or(rest_normal) else {
+        if geometry.rig.is_none() && !has_area(&p) {
             geometry.dropped.degenerate += 1;
             return;
-        };
-        if geometry.rig.is_some() {
-            geometry.corners.push(corners.map(|corner| corner as u32));
         }
         if second_uvs.is_some() {
-            geometry.second_uvs.push(corner_uvs(second_uvs, corners));
+            geometry.second_uvs.push(corners.map(|c| uv_of(second_uvs, c)));
         }
         if let Some(colors) = colors {
             geometry.colors.push(corners.map(|c| half_color(read(colors, c))));
         }
-        geometry.positions.push(p);
-        geometry.attributes.push(attributes_of(corners, &p, flat, [normals, uvs, tangents]));
+        let Geometry { vertices, sources, .. } = &mut geometry;
+        let mut add = |vertex: GpuVertex, source: usize| {
+            vertices.push(vertex);
+            sources.push(source as u32);
+            vertices.len() as u32 - 1
+        };
+        let triangle = [0, 1, 2].map(|i| {
+            let place = &mut places[corners[i]];
+            if *place == NONE {
+                let vertex = vertex_of(corners[i], p[i], [normals, uvs, tangents]);
+                *place = match joins_equal {
+                    true => *equal.entry(bytemuck::cast(vertex)).or_insert_with(|| add(vertex, corners[i])),
+                    false => add(vertex, corners[i]),
+                };
+            }
+            *place
+        });
+        geometry.triangles.push(triangle);
     });
     if geometry.colors.as_flattened().iter().all(|color| *color == WHITE) {
         geometry.colors.clear();
@@ -156,40 +171,22 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     Ok(geometry)
 }
 
-// Normals, texture coordinates and tangents of the corners.  `flat`: normal of the triangle, where the mesh has none.
-fn attributes_of(
-    corners: [usize; 3],
-    p: &[V3; 3],
-    flat: V3,
-    [normals, uvs, tangents]: [Option<&VertexAttributeValues>; 3],
-) -> GpuTriangleAttributes {
-    let n = corners.map(|c| normals.and_then(|v| unit(first_three(read(v, c)))).unwrap_or(flat));
-    let uv = corner_uvs(uvs, corners);
-    let generated = triangle_tangent(p, &uv);
-    let t: [u32; 3] = std::array::from_fn(|i| {
-        let given = tangents.map(|v| read(v, corners[i]));
-        let given = given.and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
-        let (tangent, flipped) = given
-            .or_else(|| generated.map(|(tangent, bitangent)| (tangent, flips(n[i], tangent, bitangent))))
-            .unwrap_or((n[i], false));
-        pack_tangent(perpendicular(tangent, n[i]), flipped)
-    });
-    GpuTriangleAttributes {
-        normals: n.map(octahedral_encode),
-        tangent_a: t[0],
-        tangent_b: t[1],
-        tangent_c: t[2],
-        uv_a: uv[0],
-        uv_b: uv[1],
-        uv_c: uv[2],
+// A vertex, packed.  A tangent is perpendicular to a normal, so that there is none without a normal, as in glTF.
+fn vertex_of(index: usize, position: V3, [normals, uvs, tangents]: [Option<&VertexAttributeValues>; 3]) -> GpuVertex {
+    let normal = normals.and_then(|values| unit(first_three(read(values, index))));
+    let tangent = tangents.map(|values| read(values, index)).and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
+    let tangent = normal.and_then(|n| tangent.map(|(t, flipped)| pack_tangent(perpendicular(t, n), flipped)));
+    GpuVertex {
+        position,
+        normal: normal.map_or(NOT_GIVEN, octahedral_encode),
+        tangent: tangent.unwrap_or(NOT_GIVEN),
+        uv: uv_of(uvs, index),
     }
 }
 
-fn corner_uvs(values: Option<&VertexAttributeValues>, corners: [usize; 3]) -> [[f32; 2]; 3] {
-    corners.map(|c| {
-        let [u, v, ..] = values.map_or([0.0; 4], |values| read(values, c));
-        [finite_or_zero(u), finite_or_zero(v)]
-    })
+fn uv_of(values: Option<&VertexAttributeValues>, index: usize) -> [f32; 2] {
+    let [u, v, ..] = values.map_or([0.0; 4], |values| read(values, index));
+    [finite_or_zero(u), finite_or_zero(v)]
 }
 
 // Colors of unlit objects may exceed 1, for glow.
@@ -307,30 +304,10 @@ fn format_name(values: &VertexAttributeValues) -> &'static str {
     }
 }
 
-// Unit normal of the triangle; `None` if it has no area.  f64 avoids overflow and the cancellation in the differences.
-fn flat_normal(p: &[V3; 3]) -> Option<V3> {
+// f64 avoids overflow and the cancellation in the differences.
+fn has_area(p: &[V3; 3]) -> bool {
     let n = cross(subtract(p[1], p[0]), subtract(p[2], p[0]));
-    let square = dot(n, n);
-    (square > MIN_SQUARED_DOUBLE_AREA).then(|| n.map(|x| (x / square.sqrt()) as f32))
-}
-
-// Directions in which u and v grow; `None` if the texture coordinates span no area.
-fn triangle_tangent(p: &[V3; 3], uv: &[[f32; 2]; 3]) -> Option<(V3, [f64; 3])> {
-    let (e1, e2) = (subtract(p[1], p[0]), subtract(p[2], p[0]));
-    let d = |i: usize| [f64::from(uv[i][0]) - f64::from(uv[0][0]), f64::from(uv[i][1]) - f64::from(uv[0][1])];
-    let (d1, d2) = (d(1), d(2));
-    let sign = (d1[0] * d2[1] - d2[0] * d1[1]).signum();
-    if d1[0] * d2[1] == d2[0] * d1[1] {
-        return None;
-    }
-    let tangent = std::array::from_fn(|k| sign * (e1[k] * d2[1] - e2[k] * d1[1]));
-    let bitangent = std::array::from_fn(|k| sign * (e2[k] * d1[0] - e1[k] * d2[0]));
-    Some((unit_f64(tangent)?, bitangent))
-}
-
-// Whether w is negative.  Bevy's bitangent is w cross(n, t) and points against the direction of v, because v points down in an image.
-fn flips(n: V3, tangent: V3, bitangent: [f64; 3]) -> bool {
-    dot(cross(n.map(f64::from), tangent.map(f64::from)), bitangent) > 0.0
+    dot(n, n) > MIN_SQUARED_DOUBLE_AREA
 }
 
 // The normalized part of `t` perpendicular to `n`; any vector perpendicular to `n` if that part vanishes.

@@ -21,7 +21,11 @@ use crate::gpu_layout::{
 };
 use crate::scene::{
     accel::blas::{Bounds, bake, build_triangle_tree, joined},
-    geometry::{instance_record::LiveInstance, instances::InstancePool, meshes::MeshPool},
+    geometry::{
+        instance_record::LiveInstance,
+        instances::InstancePool,
+        meshes::{MeshEntry, MeshPool},
+    },
 };
 
 /// Greatest number of triangles in the tree: 17 MB with their nodes, and a third of a second to build.
@@ -244,8 +248,7 @@ impl RestingInstances {
         let at_rest = |slot: &u32| !self.moved.get(*slot as usize).is_some_and(is_recent);
         let is_wanted = |live: &LiveInstance| live.ray_mask != 0 && is_in_range(live.bounds);
         let all = instances.in_order().filter(|(slot, live)| is_wanted(live) && at_rest(slot));
-        let resting: Vec<_> =
-            all.filter(|(slot, live)| keeps_triangles_of_mesh(*slot, live, instances, meshes)).collect();
+        let resting: Vec<_> = all.filter(|(slot, live)| has_known_triangles(*slot, live, instances, meshes)).collect();
         let chosen = within_budget(&resting);
         let count = |list: &[(u32, &LiveInstance)]| list.iter().map(|(_, live)| live.triangles).sum::<u32>();
         let is_new = |(slot, _): &(u32, &LiveInstance)| {
@@ -257,7 +260,8 @@ impl RestingInstances {
         }
         let part = |&(slot, live): &(u32, &LiveInstance)| {
             let instance = instances.get(slot);
-            let positions = meshes.get(live.mesh).map(|mesh| mesh.positions.clone()).unwrap_or_default();
+            let copy = meshes.get(live.mesh).and_then(|mesh| mesh.corners.as_ref());
+            let positions = copy.map(|copy| copy.corners().collect()).unwrap_or_default();
             let Placement { world_from_object, first_triangle } = Placement::of(instance);
             Part { slot, first_triangle, world_from_object, positions }
         };
@@ -330,11 +334,13 @@ fn is_in_range((min, max): Bounds) -> bool {
     min.iter().chain(&max).all(|coordinate| coordinate.abs() < FARTHEST)
 }
 
-/// Whether the triangles of an instance are those of its mesh, as they do not bend, and stay so, because the mesh is not being built again.
-fn keeps_triangles_of_mesh(slot: u32, live: &LiveInstance, instances: &InstancePool, meshes: &MeshPool) -> bool {
+/// Whether the triangles of an instance are those of its mesh, as they do not bend, and stay so, because the mesh is not being built again;
+/// and whether the CPU has a copy of them.
+fn has_known_triangles(slot: u32, live: &LiveInstance, instances: &InstancePool, meshes: &MeshPool) -> bool {
     let instance = instances.get(slot);
     let mesh = meshes.get(live.mesh).filter(|_| !meshes.is_building(live.mesh));
-    instance.flags & INSTANCE_DEFORMED == 0 && mesh.is_some_and(|mesh| mesh.triangles.start == instance.first_triangle)
+    let is_known = |mesh: &MeshEntry| mesh.corners.is_some() && mesh.triangles.start == instance.first_triangle;
+    instance.flags & INSTANCE_DEFORMED == 0 && mesh.is_some_and(is_known)
 }
 
 /// The instances of the meshes with the fewest triangles in all their instances, as many as fit.

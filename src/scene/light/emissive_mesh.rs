@@ -5,15 +5,18 @@ use super::{
     equal_or_nan, luminance,
 };
 use crate::gpu_layout::*;
-use bevy::math::Vec3;
+use bevy::{asset::AssetId, math::Vec3, mesh::Mesh};
 
 /// Everything that the lights of an emissive instance depend on.
 #[derive(Clone, Debug)]
 pub(super) struct EmissiveMesh {
     /// Slot of the instance.
     pub slot: u32,
+    pub mesh: AssetId<Mesh>,
     /// Version of the mesh.
     pub version: u64,
+    /// The CPU has a copy of the corners of its triangles.
+    pub has_corners: bool,
     /// First triangle of the instance in the triangle buffer.
     pub first_triangle: u32,
     pub triangle_count: u32,
@@ -24,13 +27,21 @@ pub(super) struct EmissiveMesh {
 }
 
 impl EmissiveMesh {
-    /// `version`: that of the mesh.
-    pub(super) fn new(slot: u32, version: u64, instance: &GpuInstance, emission: [f32; 3], double_sided: bool) -> Self {
+    /// `mesh`: the mesh, its version, and whether the CPU has a copy of its corners.
+    pub(super) fn new(
+        slot: u32,
+        (mesh, version, has_corners): (AssetId<Mesh>, u64, bool),
+        instance: &GpuInstance,
+        emission: [f32; 3],
+        double_sided: bool,
+    ) -> Self {
         let m = &instance.world_from_object;
         let column = |i: usize| Vec3::new(m[0][i], m[1][i], m[2][i]);
         Self {
             slot,
+            mesh,
             version,
+            has_corners,
             first_triangle: instance.first_triangle,
             triangle_count: instance.triangle_count,
             emission,
@@ -41,11 +52,12 @@ impl EmissiveMesh {
 
     /// Whether both have equal triangles with equal powers.  A rigid motion of the instance changes neither.
     pub(super) fn is_unchanged_from(&self, other: &Self) -> bool {
-        let Self { slot, version, first_triangle, triangle_count, emission, double_sided, metric } = self;
-        (*slot, *version, *first_triangle, *triangle_count, *double_sided)
-            == (other.slot, other.version, other.first_triangle, other.triangle_count, other.double_sided)
-            && equal_or_nan(*emission, other.emission)
-            && has_same_metric(metric, &other.metric)
+        // A version belongs to one mesh.
+        let triangles =
+            |m: &Self| (m.slot, m.version, m.has_corners, m.first_triangle, m.triangle_count, m.double_sided);
+        triangles(self) == triangles(other)
+            && equal_or_nan(self.emission, other.emission)
+            && has_same_metric(&self.metric, &other.metric)
     }
 
     /// Whether the records of the triangles stay valid, except for the choice among them.
@@ -56,8 +68,12 @@ impl EmissiveMesh {
 
     /// The table of the choice among the triangles, in proportion to their areas.  Deforming meshes use the areas of the rest pose, so that
     /// their lights are chosen by slightly wrong powers: noise, no bias.
-    pub(super) fn build(&self, positions: &[[[f32; 3]; 3]], transform: &Rows) -> (MeshTable, Vec<AliasEntry>) {
-        let areas: Vec<f64> = positions.iter().map(|corners| world_area(transform, corners)).collect();
+    pub(super) fn build(
+        &self,
+        corners: impl Iterator<Item = [[f32; 3]; 3]>,
+        transform: &Rows,
+    ) -> (MeshTable, Vec<AliasEntry>) {
+        let areas: Vec<f64> = corners.map(|corners| world_area(transform, &corners)).collect();
         let area = areas.iter().filter(|area| area.is_finite()).sum();
         let entries = alias_table(&areas).unwrap_or_else(|| vec![AliasEntry::default(); areas.len()]);
         (MeshTable { version: self.version, metric: self.metric, area }, entries)
@@ -151,7 +167,7 @@ mod tests {
         let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], 0.0];
         let instance =
             GpuInstance { world_from_object: [row(0), row(1), row(2)], triangle_count: 2, ..Default::default() };
-        EmissiveMesh::new(3, 7, &instance, [emission; 3], false)
+        EmissiveMesh::new(3, (AssetId::default(), 7, true), &instance, [emission; 3], false)
     }
 
     #[test]
@@ -159,7 +175,7 @@ mod tests {
         let corners = [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0; 3], [0.0, 3.0, 0.0], [0.0, 0.0, 1.0]]];
         let rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
         let mesh = instance(Mat3::IDENTITY, 1.0);
-        let (table, entries) = mesh.build(&corners, &rows);
+        let (table, entries) = mesh.build(corners.into_iter(), &rows);
         assert!((table.area - 2.0).abs() < 1e-6 && (entries[1].pmf - 0.75).abs() < 1e-6);
         let turned = instance(Mat3::from_rotation_y(1.0) * 0.5, 3.0);
         let area = turned.area_by(&table).expect("the shares are those of the table");

@@ -49,18 +49,19 @@ pub(super) fn gather(
             return None;
         }
         let double_sided = materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0;
-        let mesh = EmissiveMesh::new(slot, mesh.version, instances.get(slot), emission, double_sided);
+        let mesh = (live.mesh, mesh.version, mesh.corners.is_some());
+        let mesh = EmissiveMesh::new(slot, mesh, instances.get(slot), emission, double_sided);
         Some((live.entity, Emitter::Mesh(mesh)))
     });
     analytic.chain(emissive).collect()
 }
 
-/// The table of the choice among the triangles of an instance, from its mesh; `None` if the mesh is gone.
+/// The table of the choice among the triangles of an instance; `None` if the CPU has no copy of the corners of its mesh.
 pub(super) fn mesh_table(
     emissive: &EmissiveMesh,
     instances: &InstancePool,
     meshes: &MeshPool,
 ) -> Option<(MeshTable, Vec<AliasEntry>)> {
-    let mesh = meshes.get(instances.live_in(emissive.slot)?.mesh)?;
-    Some(emissive.build(&mesh.positions, &instances.get(emissive.slot).world_from_object))
+    let corners = meshes.get(emissive.mesh)?.corners.as_ref()?;
+    Some(emissive.build(corners.corners(), &instances.get(emissive.slot).world_from_object))
 }

@@ -8,9 +8,11 @@
 //! Emissive triangles beyond the device's limit are not in the table, but BSDF sampling still hits them: the picture is noisier, not darker.
 
 use bevy::{
+    asset::AssetId,
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::HashMap,
+    mesh::Mesh,
+    platform::collections::{HashMap, HashSet},
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
@@ -190,6 +192,15 @@ impl LightPool {
         }
     }
 
+    /// The meshes that emit light.
+    pub(crate) fn emissive_meshes(&self) -> HashSet<AssetId<Mesh>> {
+        let mesh = |(_, emitter): &(_, Emitter)| match emitter {
+            Emitter::Mesh(emissive) => Some(emissive.mesh),
+            Emitter::Analytic(_) => None,
+        };
+        self.emitters.iter().filter_map(mesh).collect()
+    }
+
     /// Forgets the warnings about lights that are gone.
     pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
         self.warned.retain(|entity| exists(*entity));
@@ -204,7 +215,8 @@ impl LightPool {
         limit: u32,
     ) {
         (self.previous_at, self.visited, self.visited_triangles) = (0, 0, 0);
-        let has_new_emitters = core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed();
+        let has_new_emitters =
+            core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed() | meshes.copies_arrived();
         let radius = (instances.top.radius.max(1e-3).log2().ceil()).exp2();
         let has_directional = self.features.intersects(SceneFeatures::LIGHT_DIRECTIONAL | SceneFeatures::SUN_DISK);
         let keeps_radius = radius == self.radius || !has_directional;
@@ -314,11 +326,9 @@ impl LightPool {
                         self.left_out[0] += u64::from(mesh.triangle_count);
                         continue;
                     }
-                    let Some(source) = instances.live_in(mesh.slot).and_then(|live| meshes.get(live.mesh)) else {
-                        continue;
-                    };
+                    let Some(corners) = meshes.get(mesh.mesh).and_then(|mesh| mesh.corners.as_ref()) else { continue };
                     record_count += mesh.record_count();
-                    emissive.push((mesh, &source.positions));
+                    emissive.push((mesh, corners));
                     (LIGHT_TRIANGLE, mesh.triangle_count)
                 }
             };
@@ -335,14 +345,14 @@ impl LightPool {
         for ((mesh, _), group) in emissive.iter().zip(&self.table.groups[analytic..]) {
             self.table.records.push(mesh.bin(group.first));
         }
-        for (bin, (mesh, positions)) in (analytic..).zip(emissive) {
+        for (bin, (mesh, corners)) in (analytic..).zip(emissive) {
             let kept = remap.previous_groups[bin].and_then(|before| {
                 let table = old.meshes[before - old_analytic];
                 let entries = old.triangles(before).iter().map(AliasEntry::from);
                 mesh.area_by(&table).map(|area| (table, entries.collect::<Vec<_>>(), area))
             });
             let (table, entries, area) = kept.unwrap_or_else(|| {
-                let (table, entries) = mesh.build(positions, &instances.get(mesh.slot).world_from_object);
+                let (table, entries) = mesh.build(corners.corners(), &instances.get(mesh.slot).world_from_object);
                 self.visited_triangles += entries.len() as u64;
                 (table, entries, table.area)
             });

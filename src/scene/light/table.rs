@@ -86,7 +86,7 @@ impl LightTable {
                     (GpuLight { kind: self.records[bin].kind, ..record.light }, record.power)
                 }
                 (Emitter::Mesh(mesh), Emitter::Mesh(old)) => {
-                    if mesh.triangle_count != old.triangle_count {
+                    if (mesh.triangle_count, mesh.has_corners) != (old.triangle_count, old.has_corners) {
                         return None;
                     }
                     // The table may have no room for it.

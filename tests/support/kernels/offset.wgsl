@@ -1,10 +1,10 @@
 // Traces between two points of a surface: with both offset to the side of the other, nothing may be in between.  A ray
 // that leaves in `direction` must not hit the triangle that it leaves.
-#import bevy_restir::scene::bindings::{instances, triangles}
+#import bevy_restir::scene::bindings::instances
 #import bevy_restir::scene::offset::{surface_point, offset_distance, offset_point}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::trace::trace::{trace_closest, trace_any}
-#import bevy_restir::scene::triangle::triangle_normal
+#import bevy_restir::scene::triangle::{corners_of, triangle_normal}
 
 struct Pair {
     instance: u32,
@@ -29,7 +29,8 @@ struct Answer {
 
 fn normal_of(instance: u32, triangle: u32) -> vec3<f32> {
     let m = instances[instance].object_from_world;
-    let n = normalize(triangle_normal(triangles[triangle].a, triangles[triangle].b, triangles[triangle].c));
+    let corners = corners_of(triangle);
+    let n = normalize(triangle_normal(corners.a, corners.b, corners.c));
     return normalize(mat3x3<f32>(m[0].xyz, m[1].xyz, m[2].xyz) * n);
 }
 

@@ -1,34 +1,45 @@
-//! Ranges of the shared buffers for bodies that bend and for top-level trees.
+//! Ranges of the shared buffers, for meshes, bodies that bend and top-level trees.
 
 use super::MeshPool;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use std::ops::Range;
 
 impl MeshPool {
-    /// Allocates triangles and nodes for a body of a mesh that bends; `None` if they do not fit the device.
-    pub(crate) fn allocate_body(
+    /// Allocates triangles, vertices and nodes for a mesh or a body; `None` if they do not fit the device.
+    pub(crate) fn allocate(
         &mut self,
-        triangles: u32,
-        nodes: u32,
+        [triangles, vertices, nodes]: [u32; 3],
         device: &RenderDevice,
         queue: &RenderQueue,
-    ) -> Option<(Range<u32>, Range<u32>)> {
-        let (triangles, nodes) = (self.triangle_ranges.allocate(triangles), self.node_ranges.allocate(nodes));
-        let fits = self.nodes.reserve(self.node_ranges.end(), device, queue)
+    ) -> Option<[Range<u32>; 3]> {
+        let triangles = self.triangle_ranges.allocate(triangles);
+        let vertices = self.vertex_ranges.allocate(vertices);
+        let nodes = self.node_ranges.allocate(nodes);
+        // wgpu compares the number of vertices of an acceleration structure with the limit of primitives, and those that its triangles may
+        // refer to begin with the first one of the buffer.
+        let is_traced = !self.ray_queries || vertices.end <= device.limits().max_blas_primitive_count;
+        let fits = is_traced
+            && self.nodes.reserve(self.node_ranges.end(), device, queue)
             && self.triangles.reserve(self.triangle_ranges.end(), device, queue)
-            && self.attributes.reserve(self.triangle_ranges.end(), device, queue);
+            && self.vertices.reserve(self.vertex_ranges.end(), device, queue);
         if fits {
-            return Some((triangles, nodes));
+            return Some([triangles, vertices, nodes]);
         }
-        self.release_body(triangles, nodes);
+        self.release_ranges([triangles, vertices, nodes]);
         None
     }
 
-    /// Frees the ranges of a body.
-    pub(crate) fn release_body(&mut self, triangles: Range<u32>, nodes: Range<u32>) {
-        self.has_room = true;
+    /// Frees the ranges of a mesh or a body.
+    pub(super) fn release_ranges(&mut self, [triangles, vertices, nodes]: [Range<u32>; 3]) {
         self.triangle_ranges.release(triangles);
+        self.vertex_ranges.release(vertices);
         self.node_ranges.release(nodes);
+    }
+
+    /// Frees the ranges of a body.
+    pub(crate) fn release_body(&mut self, ranges: [Range<u32>; 3]) {
+        self.has_room = true;
+        self.release_ranges(ranges);
     }
 
     /// Allocates nodes for a top-level tree in the buffer of the bottom levels; `None` if they do not fit the device.
