@@ -1,6 +1,6 @@
 //! Everything in the scene that emits: the input of the light table.
 
-use bevy::render::sync_world::MainEntity;
+use bevy::{asset::AssetId, mesh::Mesh, render::sync_world::MainEntity};
 
 use super::{
     alias_table::AliasEntry,
@@ -30,6 +30,14 @@ impl Emitter {
             (Self::Analytic(a), Self::Analytic(b)) => has_same_placement(a, b) && has_same_emission(a, b),
             (Self::Mesh(a), Self::Mesh(b)) => a.is_unchanged_from(b),
             _ => false,
+        }
+    }
+
+    /// The mesh, if triangles emit.
+    pub(super) fn mesh(&self) -> Option<AssetId<Mesh>> {
+        match self {
+            Self::Mesh(emissive) => Some(emissive.mesh),
+            Self::Analytic(_) => None,
         }
     }
 }

@@ -194,11 +194,7 @@ impl LightPool {
 
     /// The meshes that emit light.
     pub(crate) fn emissive_meshes(&self) -> HashSet<AssetId<Mesh>> {
-        let mesh = |(_, emitter): &(_, Emitter)| match emitter {
-            Emitter::Mesh(emissive) => Some(emissive.mesh),
-            Emitter::Analytic(_) => None,
-        };
-        self.emitters.iter().filter_map(mesh).collect()
+        self.emitters.iter().filter_map(|(_, emitter)| emitter.mesh()).collect()
     }
 
     /// Forgets the warnings about lights that are gone.
