@@ -141,10 +141,10 @@ impl RestirStatistics {
     }
 
     /// Counts the rays of all cameras from the next frames on ([`RestirReport::rays`]), and the vertices of light paths
-    /// ([`RestirReport::light_vertices`], [`RestirReport::splats`]), or stops to count them.  Nothing is counted by default.  Counting leaves pictures and histories as they are.  It takes one more pass, and each pass that traces rays adds to a number
-    /// in memory for each pixel.  Cameras need other pipelines for it: ask before the first frame if possible, because the count stays as it
-    /// was while those are compiled.  [`DebugView::Rays`](crate::DebugView::Rays) and [`DebugView::Guards`](crate::DebugView::Guards) count rays in
-    /// any case.
+    /// ([`RestirReport::light_vertices`], [`RestirReport::splats`]), or stops to count them.  Nothing is counted by default.  Counting leaves
+    /// pictures and histories as they are.  It takes one more pass, and each pass that traces rays adds to a number in memory for each pixel.
+    /// Cameras need other pipelines for it: ask before the first frame if possible, because the count stays as it was while those are compiled.
+    /// [`DebugView::Rays`](crate::DebugView::Rays) and [`DebugView::Guards`](crate::DebugView::Guards) count rays in any case.
     pub fn count_rays(&self, is_on: bool) {
         self.0.ray_counting.set(is_on);
     }

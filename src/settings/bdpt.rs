@@ -35,8 +35,9 @@ pub enum ShiftedMis {
     /// The weight of the shifted path.  No bias.
     #[default]
     Exact,
-    /// The weight that the path had in the pixel that sampled it.  Biased.  Saves the arithmetic of weights in shifts, and neither rays nor
-    /// memory.
+    /// The weight that the path had in the pixel that sampled it.  Biased: light is wrong where weights change from pixel to pixel, darker at
+    /// corners and edges of shadows (ibid.).  In two scenes, the mean of the picture changes by about 0.1 %.  Saves the arithmetic of weights
+    /// in shifts, and neither rays nor memory.
     Copied,
 }
 

@@ -320,8 +320,9 @@ impl PipelineKey {
     }
 
     /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Connections change the weights of all
-    /// paths, and copied weights are stored in place of other numbers.  Other features do not matter: a feature adds code for its own subject, and leaves all other code and its random numbers
-    /// unchanged.  Pairs, the denoiser and counts of rays do not matter, because reservoirs hold nothing of theirs.
+    /// paths, and copied weights are stored in place of other numbers.  Other features do not matter: a feature adds code for its own subject,
+    /// and leaves all other code and its random numbers unchanged.  Pairs, the denoiser and counts of rays do not matter, because reservoirs hold
+    /// nothing of theirs.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
         let key = |frame| {
             let (pairing, compacts, filter_iterations, images, counts_rays) = Default::default();

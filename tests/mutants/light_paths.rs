@@ -10,8 +10,7 @@ const CAUSTICS: &[&str] = &["reused_caustics_equal"];
 const ALONE: &[&str] = &["light_paths_alone"];
 const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
 const CONNECTED: &[&str] = &["connected_paths_return_unchanged_from_other_pixels"];
-const COPIED: &[&str] = &["only_shifted_paths_have_copied_weights"];
-const COPIED_CONNECTIONS: &[&str] = &["connected_paths_with_copied_weights_return_unchanged"];
+const COPIED: &[&str] = &["connected_paths_with_copied_weights_return_unchanged"];
 const COUNTED: &[&str] = &["views_of_light_paths_count_those_that_are_seen"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
 
@@ -185,14 +184,14 @@ pub const MUTANTS: &[Mutant] = &[
         "restir/shift/path_end.wgsl",
         "(*w).path = with_mis_of(with_connection(s, k), s);",
         "(*w).path = with_connection(s, k);",
-        COPIED_CONNECTIONS,
+        COPIED,
     ),
     mutant(
         "a light path that is traced again loses its copied weight",
         "restir/connection/connection.wgsl",
         "Retraced(with_mis_of(with_light_vertex(path, vertex), path), vertex.events > 0u)",
         "Retraced(with_light_vertex(path, vertex), vertex.events > 0u)",
-        COPIED_CONNECTIONS,
+        COPIED,
     ),
     mutant(
         "the report has the vertices in the cache, and not those that they stand for",

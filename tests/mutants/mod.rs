@@ -185,23 +185,6 @@ fn full_length_tests_find_every_mutant() {
     assert!(missed.is_empty(), "not found: {missed:#?}");
 }
 
-#[test]
-#[ignore = "temporary"]
-fn explore_bias_mutants() {
-    use std::io::Write;
-    for name in [
-        "paths store no MIS weight that shifts could copy",
-        "the report has the vertices in the cache, and not those that they stand for",
-        "a connection that is shifted loses its copied weight",
-        "a light path that is traced again loses its copied weight",
-    ] {
-        let all = all();
-        let mutant = all.iter().find(|mutant| mutant.name == name).expect("there is one");
-        let mut file = std::fs::OpenOptions::new().append(true).create(true).open("/tmp/a_explore.txt").expect("opens");
-        writeln!(file, "{}", mutant.result()).expect("writes");
-    }
-}
-
 /// The line of the table for a result.
 fn line(result: &Value) -> String {
     let [name, file] = ["name", "file"].map(|key| result[key].as_str().unwrap_or_default());

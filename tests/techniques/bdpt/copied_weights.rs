@@ -32,47 +32,32 @@ fn only_shifted_paths_have_copied_weights() {
     assert!(copied.1);
     let differing = copied.0.iter().zip(reused.0.iter()).filter(|(a, b)| a != b).count();
     assert!(differing > 512, "{differing} of 1024 pixels");
-    // A weight that is not stored would be 0 or 1.
-    let light = copied.0.mean() / reused.0.mean();
-    assert!((light - 1.0).abs() < 0.1, "{light} times the light");
     assert_eq!(picture(Copied, paths::candidates_only).0, candidates.0);
     assert_eq!(picture(Exact, paths::all_reuse).0, reused.0);
     rig.assert_sound();
 }
 
-/// The bias of the image mean, with both kinds of reuse and within a frame alone.  A path between a lamp and the other side of a wall or of
-/// glass has another weight in another pixel.  Exact weights have no bias in the same frames.
+/// Copied weights change the image mean by less than 0.5 %.  Found with the same seeds as exact weights: -0.11 % in the room and +0.07 % around
+/// the lamp in glass; from the reference, which has noise of its own, +0.02 % ± 0.18 and +0.21 % ± 0.40 (exact weights: +0.13 % and
+/// +0.14 %).  The weights of a path sum to 1 in its first pixel, and only light paths that the camera sees have those of their own pixel.
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn explore_bias_of_copied_weights() {
-    for (name, what, paths, least, greatest) in [
-        ("room", "all", paths::all_reuse(), -0.5, 0.5),
-        ("glass_lamp", "all", paths::all_reuse(), -0.5, 0.5),
-        ("ajar", "all", paths::all_reuse(), -0.5, 0.5),
-        ("room", "spatial", paths::spatial(), -0.5, 0.5),
-        ("glass_lamp", "spatial", paths::spatial(), -0.5, 0.5),
-    ] {
+fn copied_weights_keep_the_light_of_a_picture() {
+    for (name, margin) in [("room", 0.01), ("glass_lamp", 0.02)] {
         let rig = if name == "room" { room_scene(32) } else { Rig::load(name, 32) };
         let Some(mut rig) = rig else { return };
         rig.set(|r| r.jitter = Jitter::Always);
         let proof = Proof { bounces: 4, blended: true, ..Proof::of((32, 12), (24, 150)) };
         let truth = proof.truth(&mut rig, first_seed(1000));
-        let start = std::time::Instant::now();
         let [exact, copied] = [Exact, Copied].map(|mis| {
-            let found = proof.resampled(&mut rig, &all_techniques(mis, paths.clone()), first_seed(2000));
-            found.compare(&truth, proof.margin)
+            let subject = all_techniques(mis, paths::all_reuse());
+            proof.resampled(&mut rig, &subject, first_seed(2000))
         });
-        let line = format!(
-            "{name}, {what}: exact {exact}, error {:.3} %; copied {copied}, error {:.3} %; {:.1} s",
-            100.0 * exact.error,
-            100.0 * copied.error,
-            start.elapsed().as_secs_f64()
-        );
-        use std::io::Write;
-        let mut file = std::fs::OpenOptions::new().append(true).create(true).open("/tmp/a_explore.txt").expect("opens");
-        writeln!(file, "{line}").expect("writes");
-        assert!(exact.sigma().abs() < 8.0, "{name}: {exact}");
-        assert!((least..greatest).contains(&copied.difference), "{name}: {copied}");
+        let bias = copied.mean() / exact.mean() - 1.0;
+        let [exact, copied] = [exact, copied].map(|found| found.compare(&truth, margin));
+        eprintln!("{name}: {:+.3} %; exact {exact}; copied {copied}", 100.0 * bias);
+        assert!(bias.abs() < 0.005, "{name}: {bias}");
+        assert!(exact.difference.abs() < margin && copied.difference.abs() < margin, "{name}: {exact}; {copied}");
         rig.assert_sound();
     }
 }

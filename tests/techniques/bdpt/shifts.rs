@@ -185,14 +185,7 @@ fn connected_paths_return_unchanged_from_other_pixels() {
 
 /// Such a path has its first weight wherever it goes, so that it returns with the same light.
 #[test]
-#[ignore = "second tier: ./run test --more"]
 fn connected_paths_with_copied_weights_return_unchanged_from_other_pixels() {
-    check_connections(&PATH_SCENES[..1], 10_000, ShiftedMis::Copied);
-}
-
-#[test]
-#[ignore = "temporary"]
-fn explore_bias_round_trip() {
     check_connections(&PATH_SCENES[..1], 10_000, ShiftedMis::Copied);
 }
 
