@@ -131,8 +131,9 @@ pub struct GpuTriangle {
 pub struct GpuVertex {
     pub position: [f32; 3],
     pub normal: u32,
-    pub tangent: u32,
     pub uv: [f32; 2],
+    pub tangent: u32,
+    pub pad: u32,
 }
 
 /// Word of a normal or a tangent that the mesh does not have.  No unit vector is packed to it.

@@ -65,9 +65,8 @@ fn posed(body: Body, vertex: u32, rest: PosedVertex) -> PosedVertex {
 }
 
 fn at_rest(stored: Vertex) -> PosedVertex {
-    let p = stored.position;
     let is_flipped = (stored.tangent & 1u) != 0u;
-    return PosedVertex(vec3<f32>(p[0], p[1], p[2]), octahedral_decode(stored.normal), octahedral_decode(stored.tangent), is_flipped);
+    return PosedVertex(stored.position, octahedral_decode(stored.normal), octahedral_decode(stored.tangent), is_flipped);
 }
 
 // Writes a vertex in the pose of this frame, and moves that of the last frame behind it.  A normal or a tangent that the mesh does not have
@@ -76,7 +75,7 @@ fn pose_vertex(body: Body, index: u32) {
     var stored = vertices[body.rest_vertex + index];
     var v = posed(body, index, at_rest(stored));
     v.normal = safe_normalize(v.normal);
-    stored.position = array<f32, 3>(v.position.x, v.position.y, v.position.z);
+    stored.position = v.position;
     if stored.normal != NOT_GIVEN {
         stored.normal = octahedral_encode(v.normal);
     }

@@ -15,15 +15,10 @@ fn joined(x: Box, y: Box) -> Box {
     return Box(min(x.low, y.low), max(x.high, y.high));
 }
 
-fn position_of(vertex: u32) -> vec3<f32> {
-    let p = vertices[vertex].position;
-    return vec3<f32>(p[0], p[1], p[2]);
-}
-
 fn box_of(t: Triangle) -> Box {
-    let a = position_of(t.a);
-    let b = position_of(t.b);
-    let c = position_of(t.c);
+    let a = vertices[t.a].position;
+    let b = vertices[t.b].position;
+    let c = vertices[t.c].position;
     return Box(min(a, min(b, c)), max(a, max(b, c)));
 }
 

@@ -27,8 +27,7 @@ struct UvDirections {
 }
 
 fn vertex_uv(index: u32) -> vec2<f32> {
-    let p = vertices[index].uv;
-    return vec2<f32>(p[0], p[1]);
+    return vertices[index].uv;
 }
 
 fn corner_uvs(stored: u32) -> CornerUvs {

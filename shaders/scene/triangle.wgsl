@@ -88,8 +88,7 @@ fn linear_inverse_of_now(instance: u32) -> mat3x3<f32> {
 }
 
 fn vertex_position(index: u32) -> vec3<f32> {
-    let p = vertices[index].position;
-    return vec3<f32>(p[0], p[1], p[2]);
+    return vertices[index].position;
 }
 
 // Positions of the corners of a stored triangle (`stored_triangle`).

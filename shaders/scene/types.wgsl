@@ -31,13 +31,14 @@ struct Triangle {
     c: u32,
 }
 
-// A vertex in object space (`scene/triangle.wgsl`, `scene/corners.wgsl`), which all triangles around it share.  It has arrays because vectors
-// would be padded.  Normal and tangent are octahedral, two snorm16 per word; the lowest bit of a tangent is set if the bitangent is flipped.
+// A vertex in object space (`scene/triangle.wgsl`, `scene/corners.wgsl`), which all triangles around it share.  It has 32 bytes, four of them
+// unused, so that a position is one aligned load.  Normal and tangent are octahedral, two snorm16 per word; the lowest bit of a tangent is
+// set if the bitangent is flipped.
 struct Vertex {
-    position: array<f32, 3>,
+    position: vec3<f32>,
     normal: u32,               // NOT_GIVEN: each triangle has that of its plane
+    uv: vec2<f32>,
     tangent: u32,              // NOT_GIVEN: each triangle has that of its texture coordinates
-    uv: array<f32, 2>,
 }
 
 // The word of a normal or a tangent that the mesh does not have.  No unit vector is packed to it.

@@ -74,7 +74,7 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
         }
     );
     agrees!(types, "Triangle", GpuTriangle { a, b, c });
-    agrees!(types, "Vertex", GpuVertex { position, normal, tangent, uv });
+    agrees!(types, "Vertex", GpuVertex { position, normal, uv, tangent });
     same!(types: NOT_GIVEN);
     agrees!(
         types,

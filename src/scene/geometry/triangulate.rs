@@ -181,6 +181,7 @@ fn vertex_of(index: usize, position: V3, [normals, uvs, tangents]: [Option<&Vert
         normal: normal.map_or(NOT_GIVEN, octahedral_encode),
         tangent: tangent.unwrap_or(NOT_GIVEN),
         uv: uv_of(uvs, index),
+        ..Default::default()
     }
 }
 
