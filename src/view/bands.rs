@@ -93,12 +93,12 @@ impl Bands {
     }
 }
 
-/// The limit where the settings leave it to the device.  A GPU that shares its memory with the CPU may trace a hundredth of the rays that a fast
-/// card traces, and no driver resets a CPU.  The web does not tell the kind of a device.
+/// The limit where the settings leave it to the device.  Frames trace a third to a tenth of the estimate.  A GPU that shares its memory with the
+/// CPU may trace a hundredth of the rays that a fast card traces, and no driver resets a CPU.  The web does not tell the kind of a device.
 pub(super) fn limit_on(device: DeviceType) -> u32 {
     match device {
-        DeviceType::DiscreteGpu | DeviceType::VirtualGpu => 1 << 26,
-        DeviceType::IntegratedGpu | DeviceType::Other => 1 << 23,
+        DeviceType::DiscreteGpu | DeviceType::VirtualGpu => 1 << 29,
+        DeviceType::IntegratedGpu | DeviceType::Other => 1 << 26,
         DeviceType::Cpu => u32::MAX,
     }
 }
