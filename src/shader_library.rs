@@ -152,6 +152,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/bdpt/techniques.wgsl",
     "restir/bdpt/splat.wgsl",
     "restir/bdpt/light_map.wgsl",
+    "restir/bdpt/count_bindings.wgsl",
     "restir/bdpt/light_counts.wgsl",
     "restir/bdpt/reservoir.wgsl",
     "restir/splats/reservoir.wgsl",

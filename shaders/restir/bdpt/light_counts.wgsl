@@ -2,14 +2,12 @@
 // (`pass/light_paths.wgsl`), and what has landed in its pixel.
 #define_import_path bevy_restir::restir::bdpt::light_counts
 
+#import bevy_restir::restir::bdpt::count_bindings::{light_map, light_vertices}
 #import bevy_restir::restir::bdpt::light_map::{LINK_MASK, MAX_ENTRIES, word_of}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::connection::count::CONNECTS
 #import bevy_restir::restir::connection::light_vertex::light_vertex_at
 #import bevy_restir::view::bindings::view
-
-@group(2) @binding(1) var light_vertices: texture_2d<u32>;
-@group(2) @binding(2) var<storage, read> light_map: array<u32>;
 
 // Number of the vertices in the light vertex cache, and of those that they stand for: the vertices that can be connected.  0 without
 // connections, because no pass writes the cache then.

@@ -124,7 +124,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     // Vertices of a mesh that bends may be equal at rest only.
     let joins_equal = indices.is_none() && geometry.rig.is_none();
     let mut places = vec![NONE; vertex_count];
-    let mut equal: HashMap<[u32; 7], u32> = HashMap::default();
+    let mut equal: HashMap<[u32; size_of::<GpuVertex>() / 4], u32> = HashMap::default();
     for_each_triangle(strip, vertex_count, indices, |corners| {
         if corners.iter().any(|&c| c >= vertex_count) {
             geometry.dropped.out_of_range += 1;
