@@ -230,13 +230,6 @@ pub const MUTANTS: &[Mutant] = &[
         "id.xy",
         &["bands_change_no_pixel_of_direct_light_and_reference_paths"],
     ),
-    mutant(
-        "every band of replays begins with the first entry of the queue",
-        "pass/pair_shifts.wgsl",
-        "var entry = first + id.x",
-        "var entry = id.x",
-        &["bands_change_no_pixel_of_translucent_objects"],
-    ),
     // The resampling routine.
     mutant(
         "the last input is preferred",
