@@ -4,7 +4,7 @@
 // those of the last frame, one quantity a row: the right column must equal the left one of the frame before.
 
 #import domain::{PackedReservoir, receiver_of, reservoir_pack, reservoir_unpack}
-#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::constants::{FAR, LIGHT_MESH, NONE}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
 #import bevy_restir::light::select::light_pmf
@@ -15,6 +15,7 @@
 #import bevy_restir::scene::bindings::scene
 #import bevy_restir::trace::trace::trace_closest_in_frame
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::render_layers::light_kind
 
 @group(2) @binding(1) var<storage, read> neighbors: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
@@ -85,6 +86,10 @@ fn quantity(ids: vec2<u32>, place: vec2<u32>, previous: bool, row: u32) -> vec3<
 fn lights(from_point: vec3<f32>, previous: bool, which: u32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var light = 0u; light < scene.light_count; light++) {
+        // Such a record stands for all triangles of a mesh, which have records of their own.
+        if light_kind(light) == LIGHT_MESH {
+            continue;
+        }
         let l = light_point_at(LightPoint(light, 0x50003000u), from_point, previous);
         if which == 0u {
             sum += l.radiance * (1.0 + abs(l.wi.x));

@@ -25,7 +25,7 @@ pub fn choose(bins: &[Bin], bits: [u32; 2], environment: f64) -> Option<(usize, 
     if triangles.is_empty() {
         return Some((bin, 0));
     }
-    let triangle = (u64::from(place) * triangles.len() as u64 >> 32) as usize;
+    let triangle = ((u64::from(place) * triangles.len() as u64) >> 32) as usize;
     let coin = (f64::from(d) + f64::from(a & 0x00ff_ffff) / f64::from(1 << 24)) / 2f64.powi(32);
     Some((bin, keep(&triangles[triangle], triangle, coin)))
 }
