@@ -390,7 +390,7 @@ fn a_turned_scaled_and_textured_box_agrees_with_a_surface_integral() {
 fn a_turned_ellipsoid_beside_a_wall_agrees_with_a_surface_integral_of_two_bounces() {
     const WALL_ALBEDO: f64 = 0.9;
     /// Side of the wall, and its distance from the axis of the camera, in meters.
-    const SIDE: f64 = 1.6;
+    const SIDE: f64 = 1.2;
     const DISTANCE: f64 = 0.8;
     /// Parts of a side of the wall for its integral.
     const PARTS: u32 = 24;
@@ -407,7 +407,7 @@ fn a_turned_ellipsoid_beside_a_wall_agrees_with_a_surface_integral_of_two_bounce
     rig.insert(entity, of_lengths(body.lengths, albedo));
     let wall = Transform::from_xyz(-DISTANCE as f32, 0.0, 0.0).with_rotation(Quat::from_rotation_y(0.5 * PI as f32));
     rig.spawn(square(SIDE as f32), lambert(WALL_ALBEDO as f32), wall);
-    let (light, power) = (Vec3::new(0.4, 1.8, 1.6), 100.0);
+    let (light, power) = (Vec3::new(-0.2, 1.6, 1.6), 100.0);
     rig.spawn_bundle((PointLight { intensity: power, ..default() }, Transform::from_translation(light)));
 
     let (light, intensity) = (light.as_dvec3(), f64::from(power) / (4.0 * PI));
@@ -434,7 +434,7 @@ fn a_turned_ellipsoid_beside_a_wall_agrees_with_a_surface_integral_of_two_bounce
     let direct = body.light_at(exit, 0, &|p, n| irradiance_by(light, intensity, p, n));
     let expected = body.light_at(exit, 0, &irradiance);
     println!("the wall adds {:.3}", expected / direct - 1.0);
-    assert!((expected / direct).min_element() > 1.1, "the wall adds too little light to be tested");
+    assert!((expected / direct).min_element() > 1.03, "the wall adds too little light to be tested");
     check_within(0.004, &mut rig, 2400, "ellipsoid beside a wall", expected);
 }
 
