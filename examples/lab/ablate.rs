@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use crate::{
     bench::{Bench, Cost, Counts, Errors, Scene, pixels, scenes},
     error::{Error, Reference},
-    output::{Output, header},
+    output::{Output, describe},
     series::{self, Entry, Shown},
     table::{Row, Table, Unit},
 };
@@ -36,17 +36,19 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("ablate")?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: vec![series::BITTERLI_NOTE.into()] };
+    let mut table = Table { notes: vec![series::BITTERLI_NOTE.into()], ..Table::default() };
     for scene in scenes(&args.scenes)? {
         let measured = Measured::new(args, &scene).map_err(|error| format!("{}: {error}", scene.1))?;
-        if table.header.is_empty() {
-            table.header = header(measured.adapter.clone(), args.size);
-            let Args { counts: Counts { warmup, frames }, seeds, samples, .. } = args;
-            table.header.push(format!(
+        let Args { counts: Counts { warmup, frames }, seeds, samples, .. } = args;
+        describe(
+            &mut table,
+            measured.adapter.clone(),
+            args.size,
+            format!(
                 "times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after {warmup} \
                  frames, against {samples} samples a pixel"
-            ));
-        }
+            ),
+        );
         table.columns.push((scene.1, measured.rows()));
     }
     args.output.write("ablate", &table)

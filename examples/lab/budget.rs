@@ -16,7 +16,7 @@ use std::f32::consts::TAU;
 
 use crate::{
     bench::{Bench, Counts, scenes},
-    output::{Output, header},
+    output::{Output, describe},
     subject::Subject,
     table::{Row, Table, Unit},
 };
@@ -50,18 +50,20 @@ const SMOOTH: usize = 9;
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     let least_resolution_scale = args.least_resolution_scale;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     for scene in scenes(&args.subject.scenes)? {
         let settings = args.subject.settings();
         let mut bench = Bench::of_scene(&scene, args.size, settings.clone(), &args.counts)?;
         let progress = Progress::new((1 + LIMITS.len() as u64) * u64::from(args.counts.warmup + args.counts.frames));
-        if table.header.is_empty() {
-            table.header = header(bench.adapter(), args.size);
-            table.header.push(format!(
+        describe(
+            &mut table,
+            bench.adapter(),
+            args.size,
+            format!(
                 "{:?}, {:?}: {} frames of a flight after {} at its start; medians of {SMOOTH} successive times",
                 args.subject.technique, args.subject.preset, args.counts.frames, args.counts.warmup
-            ));
-        }
+            ),
+        );
         let free = fly(&mut bench, &settings, &args.counts, RestirBudget::default(), &progress)?;
         if free.times.len() < SMOOTH {
             return Err(format!("{} GPU times arrived; a budget needs at least {SMOOTH}", free.times.len()));

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use crate::{
     bench::{Bench, Cost, Counts, Errors, scenes},
     error::{Error, Reference},
-    output::{Output, header},
+    output::{Output, describe},
     series,
     table::{Row, Table, Unit},
     variant,
@@ -116,7 +116,7 @@ impl Args {
 fn table(name: &str, args: &Args, competitors: &[Competitor], detail: Detail) -> Result<(), String> {
     let Lengths { output, size, counts, .. } = &args.lengths;
     output.check(name)?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     let reference = args.settings(Technique::Reference)?;
     for scene in scenes(&args.scenes)? {
         let bench = Bench::of_scene(&scene, *size, reference.clone(), counts);
@@ -133,14 +133,16 @@ fn table(name: &str, args: &Args, competitors: &[Competitor], detail: Detail) ->
 impl Lengths {
     /// Writes the header of a table, if it has none.
     pub fn describe(&self, table: &mut Table, bench: &Bench, bounces: u32) {
-        if table.header.is_empty() {
-            let Self { counts: Counts { warmup, frames }, seeds, samples, .. } = self;
-            table.header = header(bench.adapter(), self.size);
-            table.header.push(format!(
+        let Self { counts: Counts { warmup, frames }, seeds, samples, .. } = self;
+        describe(
+            table,
+            bench.adapter(),
+            self.size,
+            format!(
                 "{bounces} bounces; times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after \
                  {warmup} frames, against {samples} samples a pixel"
-            ));
-        }
+            ),
+        );
     }
 }
 

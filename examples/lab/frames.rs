@@ -9,7 +9,7 @@ use crate::{
     compare,
     difference::Difference,
     error::{Picture, Reference, mean},
-    output::{Output, header},
+    output::{Output, describe},
     subject::Subject,
     table::{Row, Table, Unit},
     variant,
@@ -44,16 +44,18 @@ const TILE: usize = 8;
 pub fn run(args: &Args) -> Result<(), String> {
     let Counts { warmup, frames } = args.counts;
     args.output.check(NAME)?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     for scene in scenes(&args.subject.scenes)? {
         let measured = args.column(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
-        if table.header.is_empty() {
-            table.header = header(measured.adapter, measured.size);
-            table.header.push(format!(
+        describe(
+            &mut table,
+            measured.adapter,
+            measured.size,
+            format!(
                 "{:?}, {:?}: the frame after {warmup} others, means over {} seeds; times: medians over {frames} frames after {warmup}",
                 args.subject.technique, args.subject.preset, args.seeds
-            ));
-        }
+            ),
+        );
         table.columns.push((scene.1, measured.rows));
     }
     args.output.write(NAME, &table)

@@ -13,7 +13,7 @@ use crate::{
     difference::relative_weight,
     error::{Picture, mean},
     frames::with_variants,
-    output::{Output, header},
+    output::{Output, describe},
     plot::{Area, around, chart, drawn, failed, legend},
     subject::Subject,
     table::{Row, Table, Unit},
@@ -123,18 +123,20 @@ pub fn run(args: &Args) -> Result<(), String> {
     // The reference tracer would jitter, and single frames would not: edges would differ.
     let plain = Restir { jitter: Jitter::Never, ..args.subject.settings() };
     let variants = args.variants(plain)?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     let mut plots = Vec::new();
     for scene in scenes(&args.subject.scenes)? {
         let counts = Counts { warmup: 0, frames: 1 };
         let mut bench = Bench::of_scene(&scene, args.size, variants[0].1.clone(), &counts)?;
-        if table.header.is_empty() {
-            table.header = header(bench.adapter(), args.size);
-            table.header.push(format!(
+        describe(
+            &mut table,
+            bench.adapter(),
+            args.size,
+            format!(
                 "{:?}, {:?}: relMSE without the worst percent of the pixels of each age, without jitter, means over {} runs of {FRAMES} frames",
                 args.subject.technique, args.subject.preset, args.seeds
-            ));
-        }
+            ),
+        );
         let (rows, curves) = args.column(&mut bench, &variants).map_err(|error| format!("{}: {error}", scene.1))?;
         for (motion, curves) in curves {
             plots.push((format!("{NAME}-{}-{}", scene.1, motion.key()), drawn(|area| draw(&curves, area))?));

@@ -79,6 +79,14 @@ pub fn header(adapter: String, size: UVec2) -> Vec<String> {
     lines
 }
 
+/// Writes the header of a table, if it has none.  `measured`: what its figures are, in a line.
+pub fn describe(table: &mut Table, adapter: String, size: UVec2, measured: String) {
+    if table.header.is_empty() {
+        table.header = header(adapter, size);
+        table.header.push(measured);
+    }
+}
+
 /// The command, the adapter if one was used, and the commit.
 pub fn provenance(adapter: Option<String>) -> Vec<String> {
     let arguments: Vec<String> = std::env::args().skip(1).map(|argument| quoted(&argument)).collect();

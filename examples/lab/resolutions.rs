@@ -39,7 +39,7 @@ type Measured = (Vec<(&'static str, f64)>, f64);
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("resolutions")?;
     let columns = args.sizes.iter().map(|size| (format!("{} x {}", size.x, size.y), Vec::new())).collect();
-    let mut table = Table { header: Vec::new(), columns, notes: Vec::new() };
+    let mut table = Table { columns, ..Table::default() };
     for scene in scenes(&args.scenes)? {
         let settings = plain(Technique::Pt, args.bounces);
         let of_size = |size: &UVec2| Bench::of_scene(&scene, *size, settings.clone(), &args.counts);

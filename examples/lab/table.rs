@@ -118,6 +118,7 @@ impl Row {
 }
 
 /// A table with the origin of its figures.
+#[derive(Default)]
 pub struct Table {
     /// The command, the adapter, the commit and so on.
     pub header: Vec<String>,

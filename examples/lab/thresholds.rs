@@ -8,7 +8,7 @@ use crate::{
     bench::{Bench, Errors, Scene, scenes},
     equal_time::Lengths,
     error::Error,
-    output::header,
+    output::describe,
     series,
     table::{Row, Table, Unit},
 };
@@ -29,7 +29,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.lengths.output.check("thresholds")?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     for scene in scenes(&args.scenes)? {
         let rows = column(args, &scene, &mut table).map_err(|error| format!("{}: {error}", scene.1))?;
         table.columns.push((scene.1, rows));
@@ -49,13 +49,15 @@ fn column(args: &Args, scene: &Scene, table: &mut Table) -> Result<Vec<Row>, Str
     let errors = Errors { reference: &truth, seeds: *seeds };
     let mut measure = |settings: &Restir| bench.errors(settings, &errors, counts.warmup, &progress);
     let all = rows.iter().map(|(.., settings)| measure(settings)).collect::<Result<Vec<_>, _>>()?;
-    if table.header.is_empty() {
-        table.header = header(bench.adapter(), *size);
-        table.header.push(format!(
+    describe(
+        table,
+        bench.adapter(),
+        *size,
+        format!(
             "{} bounces; errors: means over {seeds} seeds after {} frames, against {samples} samples a pixel; ±: standard error of the ratio",
             args.bounces, counts.warmup
-        ));
-    }
+        ),
+    );
     Ok(rows.iter().zip(&all).map(|((section, label, _), errors)| row(section, label, errors, &all[0])).collect())
 }
 

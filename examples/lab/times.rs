@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Cost, Counts, Scene, pixels, scenes},
-    output::{Output, header},
+    output::{Output, describe},
     table::{Row, Table, Unit},
 };
 
@@ -37,17 +37,19 @@ const TURN: f32 = 0.005;
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     for scene in scenes(&args.scenes)? {
         let (adapter, rows) = args.column(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
-        if table.header.is_empty() {
-            table.header = header(adapter, args.size);
-            table.header.push(format!(
+        describe(
+            &mut table,
+            adapter,
+            args.size,
+            format!(
                 "lighting of a frame at rest / while the camera turns by {TURN} radians a frame: medians of the last {} of {} frames",
                 args.frames.div_ceil(2),
                 args.frames
-            ));
-        }
+            ),
+        );
         table.columns.push((scene.1, rows));
     }
     args.output.write(NAME, &table)

@@ -78,7 +78,7 @@ impl Orbit {
 pub fn run(args: &Args) -> Result<(), String> {
     let Lengths { output, counts, .. } = &args.lengths;
     output.check("subsurface")?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     for name in &args.scenes {
         let mut app = Bench::app_in(Path::new("."), RayBackend::Auto)?;
         let orbit = match name.as_str() {

@@ -20,6 +20,10 @@ fn normal_towards(b: Bsdf, wo: vec3<f32>) -> vec3<f32> {
 #ifdef ANISOTROPY
 fn frame_of(b: Bsdf, wo: vec3<f32>) -> mat3x3<f32> {
     let n = normal_towards(b, wo);
+    // Without ANISOTROPY isotropic lobes have this frame, and random numbers must lead to the same directions.
+    if b.roughness_along == b.roughness {
+        return orthonormal_basis(n);
+    }
     // Orthogonal to the normal where that is bent.
     let tangent = normalize(b.tangent - dot(b.tangent, n) * n);
     return mat3x3<f32>(tangent, cross(n, tangent), n);

@@ -20,7 +20,7 @@ struct Bsdf {
     transmission: f32,         // specular transmission: share of the dielectric that is a transmissive interface
     dielectric_reflectance: vec3<f32>,
     eta: f32,                  // index of refraction on the far side / on wo's side; 1 for a thin wall
-    tangent: vec3<f32>,        // direction of greatest roughness, perpendicular to n; with ANISOTROPY only
+    tangent: vec3<f32>,        // direction of greatest roughness, perpendicular to n; where both α differ only
     roughness_along: f32,      // GGX α along the tangent, at least `roughness`, which is across it
     coat_normal: vec3<f32>,    // of the clearcoat, on wo's side of n_geo; all coat fields with CLEARCOAT only
     coat: f32,                 // strength of the clearcoat

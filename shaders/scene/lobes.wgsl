@@ -75,10 +75,9 @@ fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32
     return a;
 }
 
-// The BSDF with isotropic microfacets: an arbitrary tangent, and one α for both axes.
+// The BSDF with isotropic microfacets: one α for both axes.
 fn isotropic(b: Bsdf) -> Bsdf {
     var a = b;
-    a.tangent = orthonormal_basis(b.n)[0];
     a.roughness_along = b.roughness;
     return a;
 }

@@ -89,6 +89,12 @@ mod tests {
     }
 
     #[test]
+    fn optical_images_have_as_many_rays_as_the_shader_traces() {
+        let (_, text) = MODULES.iter().find(|(path, _)| *path == "pass/denoiser_images.wgsl").expect("a module");
+        assert!(text.contains(&format!("const MAX_SURFACES: u32 = {RAYS_OF_IMAGE}u;")));
+    }
+
+    #[test]
     fn estimates_follow_the_settings() {
         let rays = |name: &str, settings: &Restir| {
             let step = steps(settings).into_iter().find(|step| step.name == name).expect("the step exists");

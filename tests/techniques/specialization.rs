@@ -11,15 +11,14 @@ use bevy_restir::{
     testing::{SharedPipelines, plant_shader_defs, shader_library::ShaderEdit, share_pipelines},
 };
 
-/// Features without a part in this comparison.  Some come with bindings or passes of their own, others are settings of the camera.  Two
-/// round differently: the lobes of brushed metal have another local frame, and absorption multiplies by an exponential of 0.
+/// Features without a part in this comparison.  Some come with bindings or passes of their own, others are settings of the camera.  One
+/// rounds differently: absorption multiplies by an exponential of 0.
 const LEFT_OUT: SceneFeatures = SceneFeatures::RAY_QUERY
     .union(SceneFeatures::BOUND_TEXTURES)
     .union(SceneFeatures::SUBSURFACE)
     .union(SceneFeatures::ENERGY_COMPENSATION)
     .union(SceneFeatures::SPLIT_LIGHT)
     .union(SceneFeatures::COPIED_MIS)
-    .union(SceneFeatures::ANISOTROPY)
     .union(SceneFeatures::ATTENUATION);
 
 /// Compares the pictures in a room with mirrors, after some frames of history.

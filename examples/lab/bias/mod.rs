@@ -11,7 +11,7 @@ use crate::{
     bench::{Bench, Counts, Scene, scenes},
     error::{Picture, Reference, mean},
     motion::{FRAMES, Motion, REST, spawn_object},
-    output::{Output, header},
+    output::{Output, describe},
     significance::mean_and_error,
     table::{Row, Table, Unit},
     variant,
@@ -57,19 +57,21 @@ const NAME: &str = "bias";
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     for scene in scenes(&args.scenes)? {
         let (adapter, rows) = args.column(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
-        if table.header.is_empty() {
-            table.header = header(adapter, args.size);
-            let Args { samples, seeds, frames, warmup, .. } = args;
-            table.header.push(format!(
+        let Args { samples, seeds, frames, warmup, .. } = args;
+        describe(
+            &mut table,
+            adapter,
+            args.size,
+            format!(
                 "Unbiased without jitter and one change: difference of the mean from the reference tracer ({samples} samples a pixel), its standard \
                  error over {seeds} runs, and relMSE of single frames without the worst percent; {frames} frames of a run after {warmup}; in \
                  motion, the last frame of {}",
                 FRAMES + REST + 1
-            ));
-        }
+            ),
+        );
         table.columns.push((scene.1, rows));
     }
     args.output.write(NAME, &table)

@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         return Err(format!("no feature is named {}", args.only));
     }
     let columns = FIGURES.iter().chain(&LOADS).map(|name| ((*name).into(), Vec::new())).collect();
-    let mut table = Table { header: Vec::new(), columns, notes: Vec::new() };
+    let mut table = Table { columns, ..Table::default() };
     for scene in scenes(&args.subject.scenes)? {
         let measured = args.measure(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
         if table.header.is_empty() {

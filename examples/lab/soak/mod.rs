@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     let watchdog = Watchdog::new();
     let rounds = args.frames.div_ceil(ROUND);
     let progress = Progress::new(args.technique.0.len() as u64 * u64::from(rounds * ROUND));
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table::default();
     let mut failed = 0;
     for &technique in &args.technique.0 {
         let name = format!("{technique:?}").to_lowercase();

@@ -92,7 +92,7 @@ pub fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
     Ray { origin, t_min: 0.0, direction, t_max: FAR }
 }
 
-/// A vertex with nothing but a position.
+/// A vertex that has a position only.
 pub fn bare_vertex(position: [f32; 3]) -> GpuVertex {
     GpuVertex { position, normal: NOT_GIVEN, tangent: NOT_GIVEN, ..Default::default() }
 }

@@ -171,7 +171,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     Ok(geometry)
 }
 
-// A vertex, packed.  A tangent is perpendicular to a normal, so that there is none without a normal, as in glTF.
+// A packed vertex.  Without a normal, the mesh's tangent is ignored, as in glTF, because tangents are perpendicular to normals.
 fn vertex_of(index: usize, position: V3, [normals, uvs, tangents]: [Option<&VertexAttributeValues>; 3]) -> GpuVertex {
     let normal = normals.and_then(|values| unit(first_three(read(values, index))));
     let tangent = tangents.map(|values| read(values, index)).and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
