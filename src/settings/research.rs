@@ -65,8 +65,8 @@ pub struct Research {
     /// settings: a longer pass runs over bands of the picture, and a longer frame has several submissions.  A driver that resets a GPU which
     /// is busy for seconds then does not.  Smaller values are safer on slow devices, and cost CPU time for each submission and a little GPU
     /// time at the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.  Default 0: by
-    /// the device, 2^29 on a graphics card (one submission for a frame of the default settings with 1920 x 1080 pixels, about three with four
-    /// times as many), 2^26 on a GPU without memory of its own (about five), and without a limit on a CPU.
+    /// the device, 2^29 on a graphics card (one submission for a frame of the default settings with 1920 x 1080 pixels, two with four times as
+    /// many), 2^26 on a GPU without memory of its own (four or more), and without a limit on a CPU.
     pub rays_per_dispatch: u32,
 }
 

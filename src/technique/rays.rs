@@ -66,8 +66,12 @@ mod tests {
     };
 
     fn steps(settings: &Restir) -> Vec<Step> {
+        steps_in(settings, SceneFeatures::SUBSURFACE | SceneFeatures::SMOOTH)
+    }
+
+    fn steps_in(settings: &Restir, scene: SceneFeatures) -> Vec<Step> {
         let iterations = |domain: &Domain| (domain.schedule)(settings).iteration_kinds();
-        Frame::of(settings).of_scene(SceneFeatures::SUBSURFACE | SceneFeatures::SMOOTH).steps(iterations)
+        Frame::of(settings).of_scene(scene).steps(iterations)
     }
 
     #[test]
@@ -92,6 +96,14 @@ mod tests {
     fn optical_images_have_as_many_rays_as_the_shader_traces() {
         let (_, text) = MODULES.iter().find(|(path, _)| *path == "pass/denoiser_images.wgsl").expect("a module");
         assert!(text.contains(&format!("const MAX_SURFACES: u32 = {RAYS_OF_IMAGE}u;")));
+    }
+
+    /// The documents state how many submissions such frames take.
+    #[test]
+    fn a_default_frame_is_estimated() {
+        let settings = Restir::default();
+        let steps = steps_in(&settings, SceneFeatures::SMOOTH);
+        assert_eq!(steps.iter().map(|step| rays_of_pixel(step, &settings)).sum::<u64>(), 110);
     }
 
     #[test]
