@@ -93,6 +93,7 @@ fn of_paths(reuse: &Reuse) -> Paths {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn confidence_follows_its_recursion_whatever_the_samples_are() {
     let Some(mut rig) = wall() else { return };
     for (name, reuse) in reuses() {
@@ -110,6 +111,7 @@ fn confidence_follows_its_recursion_whatever_the_samples_are() {
 /// Samples that fill the pixels around them lose the share of their confidence that `Paths::decorrelation` states; samples that have no copies
 /// lose nothing.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn copies_of_a_sample_lower_its_confidence() {
     let Some(mut rig) = wall() else { return };
     let reuse = &reuses()[0].1;

@@ -126,6 +126,7 @@ fn light_that_the_camera_sees_directly_is_not_filtered() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn textures_stay_sharp() {
     let Some(mut rig) = scene(SIZE, |rig| {
         let checks = texture(16, 16, |x, y| if (x + y) % 2 == 0 { [250, 60, 200, 255] } else { [40, 200, 0, 255] });
@@ -174,6 +175,7 @@ fn errors_in_motion<const N: usize>(
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn means_over_frames_follow_the_camera() {
     let Some(mut rig) = room_scene(SIZE) else { return };
     let denoisers = [Denoiser::OFF, FILTER, Denoiser::ON];
@@ -200,6 +202,7 @@ fn means_over_frames_follow_objects_and_lights() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn an_orthographic_camera_denoises_slanted_surfaces() {
     let Some(mut rig) = room_scene(SIZE) else { return };
     rig.insert(rig.camera, orthographic(3.6, 3.6));
@@ -210,6 +213,7 @@ fn an_orthographic_camera_denoises_slanted_surfaces() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_that_dims_does_not_linger() {
     let Some(mut rig) = scene(SIZE, punctual) else { return };
     rig.set(|restir| *restir = settings(Technique::Di, Denoiser::ON));
@@ -267,6 +271,7 @@ fn mirrored(rig: &mut Rig, mirror: StandardMaterial) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn reflections_stay_sharp() {
     for roughness in [0.05, 0.0] {
         let Some(mut rig) = scene(SIZE, |rig| mirrored(rig, mirror(roughness))) else { return };
@@ -284,6 +289,7 @@ fn reflections_stay_sharp() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn reflections_do_not_trail() {
     // The denoiser does not follow the rays of coated surfaces.
     let coated = StandardMaterial { clearcoat: 1.0, clearcoat_perceptual_roughness: 0.05, ..mirror(0.05) };
@@ -296,6 +302,7 @@ fn reflections_do_not_trail() {
 
 /// A ball that turns looks like one at rest.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn reflections_on_objects_that_turn_do_not_trail() {
     let make = |rig: &mut Rig| {
         // The texture is there so that the shaders are those of the test above.
@@ -332,6 +339,7 @@ fn mirror_wall(picture: &Picture) -> Picture {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn smooth_mirrors_and_glass_show_denoised_surfaces() {
     let Some(mut rig) = Rig::load("mirror_room", SIZE) else { return };
     let truth = truth(&mut rig, IN_MIRRORS);
@@ -348,6 +356,7 @@ fn smooth_mirrors_and_glass_show_denoised_surfaces() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn means_of_mirrors_follow_the_camera() {
     let Some(mut rig) = Rig::load("mirror_room", SIZE) else { return };
     let from = *rig.get_mut::<Transform>(rig.camera);
@@ -397,6 +406,7 @@ fn noisy_and_plain(factor: &'static str) -> Option<[Picture; 2]> {
 
 /// Reuse keeps samples for many frames, so that noise does not show in the variance between frames.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn noise_that_frames_have_in_common_is_filtered() {
     let factor = "0.5 + fract(sin(dot(vec2<f32>(pixel), vec2<f32>(12.9898, 78.233))) * 43758.547)";
     let Some([noisy, plain]) = noisy_and_plain(factor) else { return };

@@ -197,6 +197,7 @@ fn full_length_objects_that_count_in_the_wrong_frame_are_found() {
 
 /// A frame in which objects come, go and change is one frame of history more for all surfaces that they do not hide.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn histories_outlive_objects_that_come_and_go_and_change() {
     let Some(mut rig) = scene(32, edited) else { return };
     let reuse = Reuse { confidence_cap: CONFIDENCE_CAP, ..di::temporal().reuse };

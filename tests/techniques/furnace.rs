@@ -51,6 +51,7 @@ fn check(technique: Technique, preset: Preset, history: u32, frames: u32) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_is_in_balance_with_direct_light() {
     check(Technique::Di, Preset::Balanced, 8, 4);
 }

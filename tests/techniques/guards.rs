@@ -237,6 +237,7 @@ fn check_without_rays(settings: &Restir, guard: &'static str) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn guards_are_counted_without_rays() {
     check_without_rays(&Restir { technique: Technique::Di, ..plain() }, "resampling_weight");
 }

@@ -115,6 +115,7 @@ fn paired(paths: Paths) -> Paths {
 const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_in_pairs_equal_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     PROOF.check(
@@ -165,6 +166,7 @@ fn paired_direct(direct: Direct) -> Direct {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_in_pairs_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     Proof::of((12, 8), (12, 24)).check(

@@ -15,6 +15,7 @@ fn all_techniques(mis: ShiftedMis, paths: Paths) -> (ShiftedMis, Bidirectional) 
 
 /// Without shifts the variants are the same.  With them they differ, and only pipelines of the copied variant have code for it.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn only_shifted_paths_have_copied_weights() {
     let Some(mut rig) = room_scene(32) else { return };
     let mut picture = |mis, paths: fn() -> Paths| {

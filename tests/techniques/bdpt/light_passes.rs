@@ -44,6 +44,7 @@ fn mean_color(picture: &Picture) -> DVec3 {
 /// Splats of a pixel have different MIS weights in the frame in which a lamp appears, because only one of them exists in the last frame.
 /// The color of all splats with the weight of one of them would have half as much blue again.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_have_their_own_colors_in_the_frame_in_which_a_lamp_appears() {
     let Some(mut rig) = without_camera_paths(two_lamps) else { return };
     // Both lamps are loaded before the first frame that counts.
@@ -69,6 +70,7 @@ fn light_paths_have_their_own_colors_in_the_frame_in_which_a_lamp_appears() {
 
 /// Without light tracing, reservoirs of splats count frames without a sample.  Kept, they would darken the frames after that.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn histories_of_light_paths_begin_with_the_technique_that_fills_them() {
     let Some(mut rig) = without_camera_paths(two_lamps) else { return };
     rig.set(|r| r.debug_view = DebugView::LightPathConfidence);
@@ -110,6 +112,7 @@ const NEGATIVE: [ShaderEdit; 4] = [
 
 /// A wrong number that is dropped without a report would hide an error.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn negative_light_of_light_paths_raises_a_guard_wherever_it_arises() {
     let Some(mut rig) = without_camera_paths(|rig| corner(rig, false)) else { return };
     plant_edits(&mut rig.app, &NEGATIVE);

@@ -93,6 +93,7 @@ fn check_replays(size: u32, least: u32) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_of_the_last_frame_are_replayed_as_they_were() {
     check_replays(SIZE, 500);
 }
@@ -181,6 +182,7 @@ const MOVING: Proof =
     Proof { warm_up: 0, pose: Some(&pose_corner), ..Proof { ours: Length { restarts: 10, frames: 3 }, ..STILL } };
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn reused_caustics_equal_the_reference_in_still_scenes_and_in_moving_ones() {
     let Some(mut rig) = jittered(|rig| corner(rig, true)) else { return };
     STILL.check("a still corner", &mut rig, &[("temporal", lightweight())]);
@@ -253,6 +255,7 @@ fn full_length_planted_errors_of_the_reuse_of_light_paths_are_found() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn debug_views_show_reservoirs_of_light_paths() {
     let Some(mut rig) = room_scene(32) else { return };
     rig.set(|r| *r = Restir { technique: Technique::Bdpt, paths: paths::temporal(), bounces: 3, ..plain() });
@@ -277,6 +280,7 @@ fn debug_views_show_reservoirs_of_light_paths() {
 
 /// A path of the last frame that is connected with a light vertex gets the vertex that its light path has now.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn connected_paths_store_the_light_vertices_of_this_frame() {
     let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
     leave_out(&mut rig, &SPLATS);

@@ -179,12 +179,14 @@ fn check_connections(scenes: &[(&str, fn(&mut Rig))], each: u32, mis: ShiftedMis
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn connected_paths_return_unchanged_from_other_pixels() {
     check_connections(&PATH_SCENES[..1], 10_000, ShiftedMis::Exact);
 }
 
 /// Such a path has its first weight wherever it goes, so that it returns with the same light.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn connected_paths_with_copied_weights_return_unchanged_from_other_pixels() {
     check_connections(&PATH_SCENES[..1], 10_000, ShiftedMis::Copied);
 }

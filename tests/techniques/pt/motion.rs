@@ -11,6 +11,7 @@ use bevy::prelude::*;
 use bevy_restir::{Direct, Paths, Reuse, SuffixRetrace};
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_in_a_moving_frame_equal_those_of_the_still_scene() {
     let Some(mut rig) = shared(64, "moving") else { return };
     let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_moving), ..Proof::of((52, 1), (14, 24)) };

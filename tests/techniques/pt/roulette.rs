@@ -71,6 +71,7 @@ const TECHNIQUES: [Technique; 2] = [Technique::Pt, Technique::Reference];
 const ALBEDOS: [Vec3; 2] = [Vec3::new(0.8, 0.5, 0.3), Vec3::new(0.6, 0.99, 0.9)];
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn roulette_lets_paths_survive_with_the_probability_that_weights_them() {
     let Some((mut rig, walls)) = closed_room() else { return };
     for technique in TECHNIQUES {

@@ -166,6 +166,7 @@ fn paths_that_hit_light_by_bsdf_samples_return_from_other_pixels() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_through_translucent_bodies_return_from_other_pixels() {
     check_other_pixels(&BODIES, &QUICK, &[], 4, &BODY_CASES, 2_000);
 }
