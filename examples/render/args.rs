@@ -65,7 +65,8 @@ pub struct Args {
     /// Plays the first animation of the file, 1/60 s per frame.
     #[arg(long)]
     pub animate: bool,
-    /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable.
+    /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable. `accumulate` and `reset` have no
+    /// effect: --output chooses between the mean and the last frame.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub set: Vec<String>,
     /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
@@ -111,19 +112,11 @@ fn aov(text: &str) -> Result<Aov, String> {
         "specular" => DebugView::SpecularLight,
         _ => return Err("expected albedo, normal, depth, motion, diffuse or specular".into()),
     };
-    let path = PathBuf::from(path);
-    match path.extension().is_some_and(|e| e == "exr") {
-        true => Ok(Aov { view, path }),
-        false => Err("expected a name that ends in .exr".into()),
-    }
+    Ok(Aov { view, path: arguments::file(path, &["exr"])? })
 }
 
 fn output_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("exr" | "png") => Ok(path),
-        _ => Err("expected a name that ends in .exr or .png".into()),
-    }
+    arguments::file(text, &["exr", "png"])
 }
 
 impl Args {
@@ -140,6 +133,8 @@ impl Args {
         for assignment in &self.set {
             fields::set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
+        // Frames are averaged after the warm-up, as `--output` asks.
+        settings.accumulate = false;
         for (name, scale) in [
             ("--set resolution_scale", settings.resolution_scale),
             ("--least-resolution-scale", self.least_resolution_scale),

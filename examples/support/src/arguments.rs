@@ -11,7 +11,7 @@ use clap::{
     Parser,
     builder::{PossibleValuesParser, TypedValueParser},
 };
-use std::{process::ExitCode, str::FromStr};
+use std::{path::PathBuf, process::ExitCode, str::FromStr};
 
 /// Parses the command line. If it requests help or is wrong, the error is the exit code of the program.
 pub fn parse<T: Parser>() -> Result<T, ExitCode> {
@@ -53,6 +53,18 @@ fn size_within(text: &str, least: u32, most: u32) -> Result<UVec2, String> {
         .and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)))
         .filter(|size| size.min_element() >= least && size.max_element() <= most)
         .ok_or_else(|| format!("expected WIDTHxHEIGHT, each from {least} to {most}"))
+}
+
+/// Parses the name of a file with one of these endings.
+pub fn file(text: &str, endings: &[&str]) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_wanted = path.extension().is_some_and(|ending| endings.iter().any(|wanted| ending == *wanted));
+    is_wanted.then_some(path).ok_or_else(|| format!("expected a name that ends in .{}", endings.join(" or .")))
+}
+
+/// Parses the name of a .png file.
+pub fn png_file(text: &str) -> Result<PathBuf, String> {
+    file(text, &["png"])
 }
 
 /// Parses a number above 0.
