@@ -53,7 +53,7 @@ pub struct Args {
     /// Exposure value at ISO 100, or `auto`; without it the exposure is 1. `auto` is log2(L / (1.2 * 0.18)), where L is the logarithmic
     /// mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L becomes middle gray. With `auto` a .png shows one
     /// frame or sample more than asked for, because its exposure is known only after the others.
-    #[arg(long, allow_negative_numbers = true, value_parser = arguments::exposure, value_name = "V|auto")]
+    #[arg(long, value_parser = arguments::exposure, value_name = "V|auto")]
     pub ev100: Option<ExposureChoice>,
     /// Name of the camera; without it the first one of the file.
     #[arg(long)]

@@ -233,6 +233,8 @@ fn wrong_arguments_give_exit_code_2_and_write_nothing() {
         assert_eq!(run.stderr.trim_end().lines().count(), 1, "{arguments:?}: one line: {}", run.stderr);
         assert_eq!(folder.files(), ["scene.gltf"], "{arguments:?}");
     }
+    let run = folder.render(&scene, &["--bounces", "-1"]);
+    assert!(run.stderr.contains("--bounces"), "it names the option: {}", run.stderr);
 }
 
 #[test]

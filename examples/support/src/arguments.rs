@@ -8,14 +8,15 @@ use bevy::{
 };
 use bevy_restir::Restir;
 use clap::{
-    Parser,
+    Arg, Command, Parser,
     builder::{PossibleValuesParser, TypedValueParser},
 };
 use std::{path::PathBuf, process::ExitCode, str::FromStr};
 
 /// Parses the command line. If it requests help or is wrong, the error is the exit code of the program.
 pub fn parse<T: Parser>() -> Result<T, ExitCode> {
-    match T::try_parse() {
+    let command = with_negative_numbers(T::command());
+    match command.try_get_matches().and_then(|mut matches| T::from_arg_matches_mut(&mut matches)) {
         Ok(arguments) => Ok(arguments),
         Err(error) if !error.use_stderr() => {
             // The user asked for the help or the version.
@@ -27,6 +28,14 @@ pub fn parse<T: Parser>() -> Result<T, ExitCode> {
             Err(ExitCode::from(2))
         }
     }
+}
+
+/// Takes -1 after an option as its value, so that an error names the option.
+fn with_negative_numbers(command: Command) -> Command {
+    let takes_value = |arg: &Arg| !arg.is_positional() && arg.get_action().takes_values();
+    command
+        .mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg })
+        .mut_subcommands(with_negative_numbers)
 }
 
 /// The first paragraph of clap's message and its tips in one line, without the usage.
