@@ -67,7 +67,7 @@ pub struct Args {
     pub animate: bool,
     /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable. `accumulate` and `reset` have no
     /// effect: --output chooses between the mean and the last frame.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    #[arg(long, value_name = "PATH=VALUE")]
     pub set: Vec<String>,
     /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
     #[arg(long, value_name = "MS", value_parser = arguments::positive::<f32>)]
@@ -84,7 +84,7 @@ pub struct Args {
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters to this file as JSON.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
 }
 
