@@ -77,6 +77,7 @@ fn animate_plays_the_first_animation() {
     let run = folder.render(&still, &[&moving[..], &["out.exr"], &FEW_PASSES].concat());
     run.succeeded();
     assert!(run.stderr.contains("--animate has no effect"), "{}", run.stderr);
+    assert!(!run.stderr.contains('\x1b'), "no colors without a terminal: {}", run.stderr);
     assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
 }
 
