@@ -15,7 +15,8 @@ use std::{path::PathBuf, process::ExitCode, str::FromStr};
 
 /// Parses the command line. If it requests help or is wrong, the error is the exit code of the program.
 pub fn parse<T: Parser>() -> Result<T, ExitCode> {
-    let command = with_negative_numbers(T::command());
+    // Otherwise a missing subcommand gives the help instead of an error.
+    let command = with_negative_numbers(T::command()).arg_required_else_help(false);
     match command.try_get_matches().and_then(|mut matches| T::from_arg_matches_mut(&mut matches)) {
         Ok(arguments) => Ok(arguments),
         Err(error) if !error.use_stderr() => {
