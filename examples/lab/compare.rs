@@ -2,7 +2,7 @@
 
 use bevy::math::UVec2;
 use bevy_restir_support::{
-    exr_file, files,
+    arguments, exr_file, files,
     picture::{read_png, write_png},
 };
 use std::path::{Path, PathBuf};
@@ -29,12 +29,25 @@ pub struct Args {
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     tile: u32,
     /// Writes the picture beside four times its difference from the reference to this .png file.
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", value_parser = arguments::png_file)]
     difference: Option<PathBuf>,
 }
 
 /// The table's name.
 const NAME: &str = "compare";
+
+impl Args {
+    /// Fails if `--difference` names one of the pictures.
+    pub fn check(&self) -> Result<(), String> {
+        let Some(path) = &self.difference else { return Ok(()) };
+        let is_same =
+            |other: &Path| path.canonicalize().is_ok_and(|path| other.canonicalize().is_ok_and(|other| path == other));
+        match is_same(&self.picture) || is_same(&self.reference) {
+            true => Err(format!("--difference would overwrite {}", path.display())),
+            false => Ok(()),
+        }
+    }
+}
 
 pub fn run(args: &Args) -> Result<(), String> {
     let (size, picture) = read(&args.picture)?;
@@ -46,11 +59,6 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     if let Some(path) = &args.difference {
         files::check(path)?;
-        let is_same =
-            |other: &Path| path.canonicalize().is_ok_and(|path| other.canonicalize().is_ok_and(|other| path == other));
-        if is_same(&args.picture) || is_same(&args.reference) {
-            return Err(format!("--difference would overwrite {}", path.display()));
-        }
         write_png(path, panels::with_error(size, &picture, &reference))?;
     }
     let tile = args.tile as usize;

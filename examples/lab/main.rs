@@ -110,9 +110,11 @@ fn main() -> ExitCode {
 fn check(command: &Command) -> Result<(), String> {
     match command {
         Command::Times(args) => args.check(),
+        Command::Features(args) => args.check(),
         Command::Bias(args) => args.check(),
         Command::Sweep(args) => args.check(),
         Command::Presets(args) => args.check(),
+        Command::Compare(args) => args.check(),
         Command::Fuzz(args) => args.check(),
         Command::Plants(args) => args.check(),
         _ => Ok(()),

@@ -16,7 +16,7 @@ use crate::soundness::FAULT;
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Plants only the faults whose names contain this text.
-    #[arg(long, default_value = "")]
+    #[arg(long, default_value = "", hide_default_value = true)]
     only: String,
     /// Lists the faults and plants none.
     #[arg(long)]

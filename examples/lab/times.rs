@@ -24,7 +24,7 @@ pub struct Args {
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(4..=16_000_000))]
     frames: u32,
     /// Measures only techniques and presets whose names, as in "Pt Balanced", contain this text.
-    #[arg(long, default_value = "")]
+    #[arg(long, default_value = "", hide_default_value = true)]
     only: String,
     #[command(flatten)]
     output: Output,

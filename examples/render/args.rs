@@ -53,7 +53,7 @@ pub struct Args {
     /// Exposure value at ISO 100, or `auto`; without it the exposure is 1. `auto` is log2(L / (1.2 * 0.18)), where L is the logarithmic
     /// mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L becomes middle gray. With `auto` a .png shows one
     /// frame or sample more than asked for, because its exposure is known only after the others.
-    #[arg(long, allow_negative_numbers = true, value_parser = arguments::exposure, value_name = "V|auto")]
+    #[arg(long, value_parser = arguments::exposure, value_name = "V|auto")]
     pub ev100: Option<ExposureChoice>,
     /// Name of the camera; without it the first one of the file.
     #[arg(long)]
@@ -65,8 +65,9 @@ pub struct Args {
     /// Plays the first animation of the file, 1/60 s per frame.
     #[arg(long)]
     pub animate: bool,
-    /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable.
-    #[arg(long = "set", value_name = "PATH=VALUE")]
+    /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable. `accumulate` and `reset` have no
+    /// effect: --output chooses between the mean and the last frame.
+    #[arg(long, value_name = "PATH=VALUE")]
     pub set: Vec<String>,
     /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
     #[arg(long, value_name = "MS", value_parser = arguments::positive::<f32>)]
@@ -83,7 +84,7 @@ pub struct Args {
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters to this file as JSON.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
 }
 
@@ -111,19 +112,11 @@ fn aov(text: &str) -> Result<Aov, String> {
         "specular" => DebugView::SpecularLight,
         _ => return Err("expected albedo, normal, depth, motion, diffuse or specular".into()),
     };
-    let path = PathBuf::from(path);
-    match path.extension().is_some_and(|e| e == "exr") {
-        true => Ok(Aov { view, path }),
-        false => Err("expected a name that ends in .exr".into()),
-    }
+    Ok(Aov { view, path: arguments::file(path, &["exr"])? })
 }
 
 fn output_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("exr" | "png") => Ok(path),
-        _ => Err("expected a name that ends in .exr or .png".into()),
-    }
+    arguments::file(text, &["exr", "png"])
 }
 
 impl Args {
@@ -140,6 +133,8 @@ impl Args {
         for assignment in &self.set {
             fields::set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
+        // Frames are averaged after the warm-up, as `--output` asks.
+        settings.accumulate = false;
         for (name, scale) in [
             ("--set resolution_scale", settings.resolution_scale),
             ("--least-resolution-scale", self.least_resolution_scale),

@@ -87,7 +87,7 @@ fn turn_filters_off(settings: &mut Restir) {
     settings.denoiser = Denoiser::OFF;
 }
 
-fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(), String> {
+fn render_into(args: &Args, mut settings: Restir, written: &mut Written) -> Result<(), String> {
     let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
     let (folder, name) = scene::split(&path)?;
     let mut app = headless::app(folder, args.backend)?;
@@ -98,18 +98,21 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     scene::load(&mut app, name)?;
     let camera = scene::file_camera(app.world_mut(), args.camera.as_deref(), args.size)?;
     let environment = environment(app.world_mut(), args)?;
-    let mut first = settings.clone();
     // From the first frame on, because pipelines for other settings would still be missing in the first frame of the mean.
     if wants_mean(args, &settings) && (args.writes_exr() || !args.animate) {
-        turn_filters_off(&mut first);
+        turn_filters_off(&mut settings);
     }
-    let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: first };
+    let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
     scene::spawn_camera(app.world_mut(), camera.place, setup);
     if let Some(node) = camera.node.filter(|_| args.animate) {
         scene::follow(&mut app, node);
     }
     headless::until_ready(&mut app)?;
-    if settings.resolution_scale == 1.0 {
+    if args.animate && AnimationTimes::of(app.world_mut()).is_empty() {
+        warn!("restir: --animate has no effect, because nothing in the scene is animated");
+    }
+    // A value above 1 counts as 1.
+    if settings.resolution_scale >= 1.0 {
         headless::fits(&mut app, args.size)?;
     }
     let (settings, step) = match args.budget() {
@@ -141,7 +144,7 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     }
     // The frames of other files must not count.
     let stats = match args.stats {
-        Some(_) => Some(stats::of_last_frame(&mut app, args, (&settings, step), &mut frames)?),
+        Some(_) => Some(stats::of_last_frame(&mut app, args, step, &mut frames)?),
         None => None,
     };
     aovs::write(&mut app, args, &settings, scale, &moments, written)?;
@@ -245,6 +248,8 @@ fn play_animation(
 
 /// Results of the frames after the warm-up.
 struct Frames {
+    /// Settings of these frames.
+    settings: Restir,
     /// Of the traced picture.
     size: UVec2,
     /// Mean radiance.
@@ -296,12 +301,12 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     let progress = Progress::new(u64::from(warmup) + u64::from(args.frames));
     reset(app);
     warm_up(app, warmup, &progress)?;
-    if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
-        restir.accumulate = sums_on_gpu;
-        if is_mean {
-            turn_filters_off(&mut restir);
-        }
+    let mut restir = app.world_mut().get_mut::<Restir>(camera).ok_or("the camera is gone")?;
+    restir.accumulate = sums_on_gpu;
+    if is_mean {
+        turn_filters_off(&mut restir);
     }
+    let of_frames = Restir::clone(&restir);
     let mut sum = FrameSum::default();
     let mut size = args.size;
     let mut passes = Times::default();
@@ -319,7 +324,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
         headless::alive(app)?;
         all_ms.push(all);
         cpu_ms.push(cpu);
-        passes.sample(app.world(), settings);
+        passes.sample(app.world(), &of_frames);
         if i == 0 {
             // The times of a frame arrive in the next one.
             passes.clear();
@@ -333,5 +338,6 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     }
     let report = app.world().resource::<RestirStatistics>().report();
     let (uploaded_bytes, stages) = (report.uploaded_bytes, report.cpu_ms);
-    Ok(Frames { size, pixels: sum.mean(), passes, all_ms, cpu_ms, uploaded_bytes, stages })
+    let pixels = sum.mean();
+    Ok(Frames { settings: of_frames, size, pixels, passes, all_ms, cpu_ms, uploaded_bytes, stages })
 }

@@ -1,7 +1,7 @@
 //! The file of `--stats`: measured times, counted rays, bytes of every buffer and texture.
 
 use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
-use bevy_restir::{Restir, RestirStatistics, pass_names};
+use bevy_restir::{RestirStatistics, pass_names};
 use bevy_restir_support::{headless, times::median};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -9,23 +9,18 @@ use std::collections::BTreeMap;
 use crate::{Frames, aovs::frame_without_time, args::Args};
 
 /// The contents of the file. Renders one more frame, in which the counters and the times of the last one arrive.
-pub fn of_last_frame(
-    app: &mut App,
-    args: &Args,
-    (settings, budget_step): (&Restir, u32),
-    frames: &mut Frames,
-) -> Result<Value, String> {
+pub fn of_last_frame(app: &mut App, args: &Args, budget_step: u32, frames: &mut Frames) -> Result<Value, String> {
     frame_without_time(app);
     headless::alive(app)?;
-    frames.passes.sample(app.world(), settings);
-    Ok(json(app.world(), args, (settings, budget_step), frames))
+    frames.passes.sample(app.world(), &frames.settings);
+    Ok(json(app.world(), args, budget_step, frames))
 }
 
-fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), frames: &Frames) -> Value {
+fn json(world: &World, args: &Args, budget_step: u32, frames: &Frames) -> Value {
     let non_finite = frames.pixels.iter().filter(|p| !p.iter().all(|c| c.is_finite())).count() as u64;
     let report = world.resource::<RestirStatistics>().report();
     let guards: BTreeMap<_, _> = report.guards.iter().copied().collect();
-    let passes: Vec<Value> = pass_names(settings, report.features)
+    let passes: Vec<Value> = pass_names(&frames.settings, report.features)
         .into_iter()
         .map(|name| (name, frames.passes.of(name)))
         .filter(|(_, values)| !values.is_empty())
@@ -42,7 +37,7 @@ fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), fra
     json!({
         "adapter": world.resource::<RenderAdapterInfo>().name,
         "backend": report.backend,
-        "technique": format!("{:?}", settings.technique).to_lowercase(),
+        "technique": format!("{:?}", frames.settings.technique).to_lowercase(),
         "preset": format!("{:?}", args.preset).to_lowercase(),
         "size": [args.size.x, args.size.y],
         "frames": args.frames,

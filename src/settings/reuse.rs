@@ -103,8 +103,8 @@ pub struct Reuse {
     /// paths, 30 for light that enters objects.
     pub radius: f32,
     /// Greatest confidence of a sample of the last frame, in frames' worth of candidates: longer histories are smoother and more
-    /// correlated, which shows as blotches.  Neighbors within a frame count in full.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 8 for direct
-    /// light, 12 for paths, 20 for light that enters objects.
+    /// correlated, which shows as blotches.  Neighbors within a frame count in full.  No cost, no bias.  0 to 60 for direct light, otherwise 0
+    /// to 30; default 8 for direct light, 12 for paths, 20 for light that enters objects.
     pub confidence_cap: f32,
     /// MIS weights.  Default for direct light: pairwise; otherwise defensive pairwise.
     pub mis: Mis,

@@ -93,8 +93,9 @@ impl Bands {
     }
 }
 
-/// The limit where the settings leave it to the device.  With default settings, frames trace about a tenth of the estimate.  A GPU that shares its memory with the
-/// CPU may trace a hundredth of the rays that a fast card traces, and no driver resets a CPU.  The web does not tell the kind of a device.
+/// The limit where the settings leave it to the device.  With default settings, frames trace about a tenth of the estimate.  A GPU that shares
+/// its memory with the CPU may trace a hundredth of the rays that a fast card traces, and no driver resets a CPU.  The web does not tell the kind
+/// of a device.
 pub(super) fn limit_on(device: DeviceType) -> u32 {
     match device {
         DeviceType::DiscreteGpu | DeviceType::VirtualGpu => 1 << 29,

@@ -137,10 +137,11 @@ fn an_outlier_does_not_move_a_median() {
 fn wrong_arguments_of_lab_features_give_one_line() {
     let folder = Folder::without_gpu("features_wrong");
     let scene = asset("cornell.glb").display().to_string();
+    folder.lab(&[]).failed(2, "no command");
     folder.lab(&["features"]).failed(2, "no scene");
     folder.lab(&["features", &scene, "--seeds", "3"]).failed(2, "too few for a variance");
     folder.lab(&["features", "missing.glb", "--out", "tables"]).failed(1, "a scene that is missing");
-    folder.lab(&["features", &scene, "--only", "no such name", "--out", "tables"]).failed(1, "no such feature");
+    folder.lab(&["features", &scene, "--only", "no such name", "--out", "tables"]).failed(2, "no such feature");
 }
 
 /// A lamp with brushed metal that nothing lights: without its emission all light is gone, and without the brush no pixel changes.

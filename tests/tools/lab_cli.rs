@@ -187,7 +187,8 @@ fn a_difference_is_a_picture_beside_its_error() {
     let run = folder.lab(&["compare", "a.exr", "b.exr", "--difference", "missing/difference.png"]);
     run.failed(1, "a folder that is missing");
     let run = folder.lab(&["compare", "difference.png", "difference.png", "--difference", "difference.png"]);
-    run.failed(1, "an input");
+    run.failed(2, "an input");
+    folder.lab(&["compare", "a.exr", "b.exr", "--difference", "difference.exr"]).failed(2, "another format");
     assert_eq!(image::open(folder.path("difference.png")).expect("it is still there").to_rgb8(), picture);
 }
 

@@ -71,9 +71,13 @@ fn animate_plays_the_first_animation() {
     let run = folder.render(&scene, &[&moving[..], &["out.png"], &FEW_PASSES].concat());
     run.succeeded();
     assert!(run.stderr.contains("shows its last frame"), "{}", run.stderr);
+    assert!(!run.stderr.contains("no effect"), "{}", run.stderr);
     // A file without an animation stays still.
     let still = folder.gltf("still.gltf", &gltf::Scene::default());
-    folder.render(&still, &[&moving[..], &["out.exr"], &FEW_PASSES].concat()).succeeded();
+    let run = folder.render(&still, &[&moving[..], &["out.exr"], &FEW_PASSES].concat());
+    run.succeeded();
+    assert!(run.stderr.contains("--animate has no effect"), "{}", run.stderr);
+    assert!(!run.stderr.contains('\x1b'), "no colors without a terminal: {}", run.stderr);
     assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
 }
 

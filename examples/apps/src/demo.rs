@@ -3,7 +3,7 @@
 use bevy::{camera::Exposure, prelude::*};
 use bevy_restir::prelude::*;
 use bevy_restir_support::{
-    headless,
+    files, headless,
     picture::{screenshot, write_png},
     scene::{self, CameraSetup},
 };
@@ -49,6 +49,7 @@ impl<P: FnOnce(&mut App)> Demo<P> {
     /// Renders without a window.
     fn render(self, path: &Path, frames: u32, mut step: impl FnMut(&mut World, u32)) -> Result<(), String> {
         headless::quiet_drivers();
+        files::check(path)?;
         let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
         (self.populate)(&mut app);
         let setup = CameraSetup {

@@ -133,8 +133,9 @@ impl<'a> Theater<'a> {
     fn measure(&mut self, axes: &[Axis]) -> Result<(), String> {
         let values = || axes.iter().flat_map(|axis| axis.values().iter().map(|value| (*axis, *value)));
         let techniques = self.args.techniques.clone();
-        let frames: u32 = techniques.iter().map(|technique| self.args.seeds * self.frames(*technique)).sum();
-        let progress = Progress::new(u64::from(frames) * (1 + values().count() as u64));
+        let of_run = |technique: &Technique| u64::from(self.frames(*technique));
+        let frames = u64::from(self.args.seeds) * techniques.iter().map(of_run).sum::<u64>();
+        let progress = Progress::new(frames * (1 + values().count() as u64));
         let mut ordinary = Vec::new();
         for technique in &techniques {
             let measured = self.light(*technique, stage::ordinary().bounces, &progress)?;

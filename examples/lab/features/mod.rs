@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long, value_parser = environment::parse)]
     env: Option<Environment>,
     /// Measures only features whose names, as in "alpha masks", contain this text.
-    #[arg(long, default_value = "")]
+    #[arg(long, default_value = "", hide_default_value = true)]
     only: String,
     #[command(flatten)]
     output: Output,
@@ -64,13 +64,11 @@ const SETTINGS: SceneFeatures = SceneFeatures::ENERGY_COMPENSATION
     .union(SceneFeatures::SPLIT_LIGHT)
     .union(SceneFeatures::CONNECTIONS)
     .union(SceneFeatures::COPIED_MIS)
+    .union(SceneFeatures::COUNT_RAYS)
     .union(SceneFeatures::RAY_QUERY);
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    if args.features().next().is_none() {
-        return Err(format!("no feature is named {}", args.only));
-    }
     let columns = FIGURES.iter().chain(&LOADS).map(|name| ((*name).into(), Vec::new())).collect();
     let mut table = Table { columns, ..Table::default() };
     for scene in scenes(&args.subject.scenes)? {
@@ -85,6 +83,12 @@ pub fn run(args: &Args) -> Result<(), String> {
 }
 
 impl Args {
+    /// Fails if no feature is named as `--only` asks.
+    pub fn check(&self) -> Result<(), String> {
+        let is_known = self.features().next().is_some();
+        is_known.then_some(()).ok_or(format!("--only: no feature is named {}", self.only))
+    }
+
     fn features(&self) -> impl Iterator<Item = &'static Feature> {
         FEATURES.iter().filter(|feature| feature.name.contains(&self.only))
     }

@@ -86,7 +86,7 @@ pub struct Args {
     samples: u32,
     /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Configurations that change this field themselves are
     /// left out.  Without `--reference` the configurations have no jitter, so that errors are those of the light and not of edges.
-    #[arg(long, value_parser = assignment)]
+    #[arg(long, value_name = "PATH=VALUE", value_parser = assignment)]
     set: Vec<String>,
     /// The error by which the report judges.
     #[arg(long, value_enum, default_value = "trimmed")]

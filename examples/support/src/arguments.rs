@@ -8,14 +8,16 @@ use bevy::{
 };
 use bevy_restir::Restir;
 use clap::{
-    Parser,
+    Arg, Command, Parser,
     builder::{PossibleValuesParser, TypedValueParser},
 };
-use std::{process::ExitCode, str::FromStr};
+use std::{path::PathBuf, process::ExitCode, str::FromStr};
 
 /// Parses the command line. If it requests help or is wrong, the error is the exit code of the program.
 pub fn parse<T: Parser>() -> Result<T, ExitCode> {
-    match T::try_parse() {
+    // Otherwise a missing subcommand gives the help instead of an error.
+    let command = with_negative_numbers(T::command()).arg_required_else_help(false);
+    match command.try_get_matches().and_then(|mut matches| T::from_arg_matches_mut(&mut matches)) {
         Ok(arguments) => Ok(arguments),
         Err(error) if !error.use_stderr() => {
             // The user asked for the help or the version.
@@ -27,6 +29,14 @@ pub fn parse<T: Parser>() -> Result<T, ExitCode> {
             Err(ExitCode::from(2))
         }
     }
+}
+
+/// Takes -1 after an option as its value, so that an error names the option.
+fn with_negative_numbers(command: Command) -> Command {
+    let takes_value = |arg: &Arg| !arg.is_positional() && arg.get_action().takes_values();
+    command
+        .mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg })
+        .mut_subcommands(with_negative_numbers)
 }
 
 /// The first paragraph of clap's message and its tips in one line, without the usage.
@@ -53,6 +63,18 @@ fn size_within(text: &str, least: u32, most: u32) -> Result<UVec2, String> {
         .and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)))
         .filter(|size| size.min_element() >= least && size.max_element() <= most)
         .ok_or_else(|| format!("expected WIDTHxHEIGHT, each from {least} to {most}"))
+}
+
+/// Parses the name of a file with one of these endings.
+pub fn file(text: &str, endings: &[&str]) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_wanted = path.extension().is_some_and(|ending| endings.iter().any(|wanted| ending == *wanted));
+    is_wanted.then_some(path).ok_or_else(|| format!("expected a name that ends in .{}", endings.join(" or .")))
+}
+
+/// Parses the name of a .png file.
+pub fn png_file(text: &str) -> Result<PathBuf, String> {
+    file(text, &["png"])
 }
 
 /// Parses a number above 0.

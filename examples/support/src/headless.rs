@@ -2,7 +2,7 @@
 
 use bevy::{
     asset::UnapprovedPathMode,
-    log::LogPlugin,
+    log::{BoxedFmtLayer, LogPlugin, tracing_subscriber},
     prelude::*,
     render::{
         RenderPlugin,
@@ -20,6 +20,7 @@ use bevy_restir::{
     CapturedRadiance, EmissiveLuminance, RayBackend, RestirPlugin, RestirStatistics, testing::plant_shader_edits,
 };
 use std::{
+    io::{IsTerminal, stderr},
     path::Path,
     time::{Duration, Instant},
 };
@@ -79,6 +80,7 @@ fn create(folder: &Path, backend: RayBackend) -> Result<App, String> {
         .set(LogPlugin {
             // The program itself reports failures, in one line.
             filter: "off,bevy_restir=warn,bevy_restir_support=warn,render=warn,lab=warn".into(),
+            fmt_layer: log_lines,
             ..default()
         })
         .set(AssetPlugin {
@@ -116,6 +118,13 @@ fn create(folder: &Path, backend: RayBackend) -> Result<App, String> {
         plant_shader_edits(&mut app, mutant::edits());
     }
     Ok(app)
+}
+
+/// Log lines on stderr, with colors only on a terminal.
+fn log_lines(_: &mut App) -> Option<BoxedFmtLayer> {
+    let lines = tracing_subscriber::fmt::Layer::default().with_writer(stderr);
+    // On a terminal the default has colors, unless `NO_COLOR` is set.
+    Some(Box::new(if stderr().is_terminal() { lines } else { lines.with_ansi(false) }))
 }
 
 /// Renders one frame and waits for it, so that the CPU never runs ahead of the GPU and times are those of one frame. Returns the

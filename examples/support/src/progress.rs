@@ -1,7 +1,10 @@
 //! Progress of a long computation.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use std::{cell::Cell, io::IsTerminal};
+use std::{
+    cell::Cell,
+    io::{IsTerminal, Write, stdout},
+};
 
 /// A bar on a terminal; elsewhere a line after every tenth of the frames.
 pub struct Progress {
@@ -32,7 +35,8 @@ impl Progress {
         match &self.bar {
             Some(bar) => bar.set_position(frame),
             None if frame <= self.total && frame * 10 / self.total != before * 10 / self.total => {
-                println!("frame {frame} of {}", self.total);
+                // The work goes on where nobody reads the lines, as behind `| head`.
+                let _ = writeln!(stdout(), "frame {frame} of {}", self.total);
             }
             None => {}
         }

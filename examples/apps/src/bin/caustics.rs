@@ -22,7 +22,7 @@ struct Args {
     #[arg(long, default_value = "bdpt", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
     /// Writes one frame to this PNG file, without a window.
-    #[arg(long)]
+    #[arg(long, value_parser = arguments::png_file)]
     picture: Option<PathBuf>,
     /// Frames before the one of the picture.
     #[arg(long, default_value_t = 32, requires = "picture")]

@@ -17,7 +17,7 @@ struct Args {
     #[arg(long, default_value = "gi", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
     /// Writes the mean of `--frames` frames to this PNG file, without a window.
-    #[arg(long)]
+    #[arg(long, value_parser = arguments::png_file)]
     picture: Option<PathBuf>,
     /// Number of frames of the picture.
     #[arg(long, default_value_t = 64, requires = "picture")]

@@ -32,7 +32,7 @@ struct Args {
     #[arg(long, value_parser = environment::parse)]
     env: Option<Environment>,
     /// Exposure value at ISO 100; `auto` chooses the exposure that fits each file.
-    #[arg(long, allow_negative_numbers = true, default_value = "auto", value_parser = arguments::exposure, value_name = "V|auto")]
+    #[arg(long, default_value = "auto", value_parser = arguments::exposure, value_name = "V|auto")]
     ev100: ExposureChoice,
     /// How rays are traced.
     #[arg(long, default_value = "auto", value_parser = arguments::choice::<RayBackend>())]
