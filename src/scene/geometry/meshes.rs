@@ -234,12 +234,7 @@ pub(crate) fn finish_meshes(
     // Sorted, so that the layout of the buffers does not depend on the order in which tasks end.
     done.sort_unstable_by_key(|(id, _)| *id);
     for (id, (built, dropped)) in done {
-        if dropped.total() > 0 {
-            let Dropped { out_of_range, non_finite, degenerate } = dropped;
-            let text = format!(
-                "has unusable triangles, which are left out: {out_of_range} with indices out of range, {non_finite} that are not finite, \
-                 {degenerate} without area"
-            );
+        if let Some(text) = dropped.complaint() {
             pool.warn(id, MeshProblem::UnusableTriangles, &text, assets.as_deref());
         }
         let (problem, reason) = match built {

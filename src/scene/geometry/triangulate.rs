@@ -63,9 +63,14 @@ pub struct Dropped {
 }
 
 impl Dropped {
-    /// The sum over all reasons.
-    pub fn total(&self) -> usize {
-        self.out_of_range + self.non_finite + self.degenerate
+    /// The end of a sentence about the mesh, if it is broken.  Triangles without an area are common, as at the poles of a sphere.
+    pub fn complaint(self) -> Option<String> {
+        let reasons = [
+            (self.out_of_range, "with indices out of range"),
+            (self.non_finite, "with coordinates that are not finite"),
+        ];
+        let named: Vec<_> = reasons.iter().filter(|(n, _)| *n > 0).map(|(n, reason)| format!("{n} {reason}")).collect();
+        (!named.is_empty()).then(|| format!("has triangles that are left out: {}", named.join(" and ")))
     }
 }
 
