@@ -217,7 +217,10 @@ impl Args {
 }
 
 fn label(age: usize) -> String {
-    if age > LAST_AGE { "longer".to_owned() } else { format!("in view for {age} frames") }
+    match age {
+        0..=LAST_AGE => format!("in view for {age} {}", if age == 1 { "frame" } else { "frames" }),
+        _ => "longer".to_owned(),
+    }
 }
 
 /// Colors of the curves.
