@@ -44,7 +44,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the probability of a triangle is that within its mesh",
         "light/select.wgsl",
-        "return lights[light].pmf * lights[lights[light].counterpart_or_mesh].pmf;",
+        "return lights[light].pmf * lights[scene.first_mesh_bin + lights[header].data.x].pmf;",
         "return lights[light].pmf;",
         &["triangles_of_meshes_are_chosen"],
     ),
@@ -65,7 +65,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the first triangle of a mesh stands for all in the last frame",
         "light/remap.wgsl",
-        "first + (light - lights[mesh].data.x)",
+        "first + (light - link - 1u)",
         "first",
         &["reads_of_the_last_frame_equal_those_of_that_frame"],
     ),
