@@ -3,6 +3,7 @@
 use super::{Mutant, mutant};
 
 const EMISSION: &[&str] = &["sampling::emission"];
+const EDITS: &[&str] = &["lights_keep_their_probabilities_and_are_found"];
 
 pub const MUTANTS: &[Mutant] = &[
     // Lights.
@@ -68,6 +69,27 @@ pub const MUTANTS: &[Mutant] = &[
         "first + (light - link - 1u)",
         "first",
         &["reads_of_the_last_frame_equal_those_of_that_frame"],
+    ),
+    mutant(
+        "triangles that only the last frame had count as those of this frame",
+        "light/remap.wgsl",
+        "if is_bin(record, true) || lights[lights[record].link].data.x == NONE {",
+        "if is_bin(record, true) {",
+        EDITS,
+    ),
+    mutant(
+        "analytic lights keep the ids of the last frame",
+        "light/remap.wgsl",
+        "return link;",
+        "return light;",
+        EDITS,
+    ),
+    mutant(
+        "the header of a mesh names its bin from the first light on",
+        "light/select.wgsl",
+        "lights[scene.first_mesh_bin + lights[header].data.x].pmf",
+        "lights[scene.first_bin + lights[header].data.x].pmf",
+        EDITS,
     ),
     mutant(
         "the rim of a spot is linear",
