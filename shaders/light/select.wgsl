@@ -45,7 +45,7 @@ fn light_select(u: vec2<f32>) -> LightChoice {
     // The place within the bin, which the choice of the bin leaves uniform.  Its steps are as wide as the number of bins.
     let place = word * scene.light_bins + multiply_high(more.z, scene.light_bins);
     let light = light_of_bin(chosen, place, vec2<u32>(more.w, more.x));
-    return LightChoice(light, light_pmf(light));
+    return LightChoice(light, pmf_in_bin(light, chosen) * (1.0 - environment));
 }
 
 #ifdef LIGHT_TRIANGLES
@@ -67,7 +67,7 @@ fn table_pmf(light: u32) -> f32 {
         return lights[light].pmf;
     }
     let header = lights[light].link;
-    return lights[light].pmf * lights[scene.first_mesh_bin + lights[header].data.x].pmf;
+    return pmf_in_bin(light, scene.first_mesh_bin + lights[header].data.x);
 }
 #else
 fn light_of_bin(bin: u32, place: u32, coin: vec2<u32>) -> u32 {
@@ -78,6 +78,11 @@ fn table_pmf(light: u32) -> f32 {
     return lights[light].pmf;
 }
 #endif
+
+// Probability of a light in the table.  `bin`: the light itself, or the bin of its mesh.
+fn pmf_in_bin(light: u32, bin: u32) -> f32 {
+    return lights[light].pmf * select(lights[bin].pmf, 1.0, light == bin);
+}
 
 // Probability with which `light_select` chooses a light, which is given by its record of this frame or the last.  A light of the last frame
 // has the probability that it has now: both frames weigh their sampling techniques alike.

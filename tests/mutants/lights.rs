@@ -45,8 +45,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the probability of a triangle is that within its mesh",
         "light/select.wgsl",
-        "return lights[light].pmf * lights[scene.first_mesh_bin + lights[header].data.x].pmf;",
-        "return lights[light].pmf;",
+        "select(lights[bin].pmf, 1.0, light == bin)",
+        "1.0",
         &["triangles_of_meshes_are_chosen"],
     ),
     mutant(
@@ -87,8 +87,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the header of a mesh names its bin from the first light on",
         "light/select.wgsl",
-        "lights[scene.first_mesh_bin + lights[header].data.x].pmf",
-        "lights[scene.first_bin + lights[header].data.x].pmf",
+        "pmf_in_bin(light, scene.first_mesh_bin + lights[header].data.x)",
+        "pmf_in_bin(light, scene.first_bin + lights[header].data.x)",
         EDITS,
     ),
     mutant(
