@@ -100,12 +100,12 @@ pub struct GpuSceneUniforms {
     pub tlas_indices: u32,
     pub previous_tlas_root: u32,
     pub previous_tlas_indices: u32,
-    pub light_count: u32,
+    pub lights_end: u32,
     pub instance_count: u32,
     pub light_power: f32,
     pub radius: f32,
     pub center: [f32; 3],
-    pub previous_lights: u32,
+    pub previous_first_bin: u32,
     pub shapes_root: u32,
     pub shapes_indices: u32,
     pub sun_count: u32,
@@ -114,7 +114,8 @@ pub struct GpuSceneUniforms {
     pub previous_radius: f32,
     pub light_bins: u32,
     pub previous_light_bins: u32,
-    pub pad: [u32; 2],
+    pub first_bin: u32,
+    pub first_mesh_bin: u32,
 }
 
 /// The vertices of a triangle.
@@ -245,7 +246,7 @@ pub struct GpuLight {
     pub direction: [f32; 3],
     pub alias_probability: f32,
     pub alias_index: u32,
-    pub counterpart_or_mesh: u32,
+    pub link: u32,
     pub data: [u32; 2],
 }
 

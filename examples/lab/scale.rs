@@ -166,7 +166,7 @@ fn flicker(bench: &mut Bench, room: &Room, frames: u32) -> Result<Flicker, Strin
     let lamp =
         app.world_mut().spawn((PointLight::default(), Transform::from_translation(0.5 * room.at.translation))).id();
     let (mut times, mut sent, mut visited) = (Vec::new(), 0.0, 0.0);
-    // The first frames send the whole table, because the lamp is new.
+    // In the first frames the lamp is new.
     const SETTLE: u32 = 4;
     for number in 0..SETTLE + frames {
         if let Some(mut light) = app.world_mut().get_mut::<PointLight>(lamp) {

@@ -31,13 +31,13 @@ const STACK_SIZE: u32 = 16u;
 // A bound on the loop, for the same reason as in `trace/software.wgsl`.
 const MAX_STEPS: u32 = 2048u;
 
-// Least id, from `first` on, of a light that the segment hits; NONE if there is no further one.  The traversal is not shared with
-// `trace/software.wgsl`: it has one level, and hits do not shorten the segment.  WGSL has no function pointers: sharing would add a
-// branch at each leaf to the loop of all rays.
+// Least id, from `first` on, of a light that the segment hits; NONE if there is no further one.  The tree names lights by their bins, counted
+// from the first one.  The traversal is not shared with `trace/software.wgsl`: it has one level, and hits do not shorten the segment.  WGSL
+// has no function pointers: sharing would add a branch at each leaf to the loop of all rays.
 fn next_light_hit(segment: RaySegment, first: u32) -> u32 {
-    // Suns are the first lights of the table.
+    // Suns have the first bins.
     if segment.length >= FAR {
-        for (var light = first; light < scene.sun_count; light++) {
+        for (var light = max(first, scene.first_bin); light < scene.first_bin + scene.sun_count; light++) {
             if sun_is_hit(light, segment.direction) {
                 return light;
             }
@@ -71,7 +71,7 @@ fn next_light_hit(segment: RaySegment, first: u32) -> u32 {
         while primitives.y != 0u {
             let entry = primitives.x + firstLeadingBit(primitives.y);
             primitives.y &= ~(1u << firstLeadingBit(primitives.y));
-            let light = nodes[scene.shapes_indices + (entry >> 2u)][entry & 3u];
+            let light = scene.first_bin + nodes[scene.shapes_indices + (entry >> 2u)][entry & 3u];
             if light >= first && light < found && light_distance(light, segment) >= 0.0 {
                 found = light;
             }

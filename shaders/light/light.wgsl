@@ -18,7 +18,7 @@ fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample 
     if light == ENVIRONMENT_LIGHT {
         return guarded_light_sample(environment_light_sample(u, false));
     }
-    if light >= scene.light_count {
+    if light >= scene.lights_end {
         return no_light_sample();
     }
     return guarded_light_sample(record_sample(light, from_point, u));

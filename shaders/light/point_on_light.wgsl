@@ -62,7 +62,7 @@ fn light_point_sample(light: u32, u: vec2<f32>) -> SampledPoint {
 }
 
 fn point_of_table(light: u32, u: vec2<f32>) -> LightPoint {
-    if light >= scene.light_count {
+    if light >= scene.lights_end {
         return no_light_point();
     }
     switch light_kind(light) {
@@ -87,7 +87,7 @@ fn point_of_table(light: u32, u: vec2<f32>) -> LightPoint {
 // Replaces a point of a sphere by one that is sampled by solid angle at `from_point`; the ratio of densities is `LightSample::pdf_scale`.
 #ifdef LIGHT_SPHERES
 fn point_by_solid_angle(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
-    if p.light >= scene.light_count || light_kind(p.light) != LIGHT_SPHERE {
+    if p.light >= scene.lights_end || light_kind(p.light) != LIGHT_SPHERE {
         return p;
     }
     return LightPoint(p.light, sphere_coordinates(sample_sphere_solid_angle(p.light, from_point, u)));

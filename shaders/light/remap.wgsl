@@ -1,4 +1,5 @@
-// Ids of lights in this frame's table and in the last frame's, which may differ.
+// Ids of lights in this frame and in the last one.  The id of a light is the index of its record in `lights`.  An analytic light that exists in
+// both frames may have two records; a mesh whose triangles have not changed has the same records in both.
 #define_import_path bevy_restir::light::remap
 
 #import bevy_restir::common::constants::NONE
@@ -7,14 +8,21 @@
 
 // The id in this frame of a light of the last frame; NONE if it was removed.
 fn current_light_id(previous: u32) -> u32 {
-    if scene.previous_lights == 0u || previous >= ENVIRONMENT_LIGHT {
+    if previous == ENVIRONMENT_LIGHT {
         return previous;
     }
-    let record = scene.previous_lights + previous;
-    if record >= arrayLength(&lights) {
-        return NONE;
+    return light_in_other_frame(previous, true);
+}
+
+// The id in this frame of the light of a record, which may be one of the last frame; NONE if the light was removed.
+fn current_light_of(record: u32) -> u32 {
+    if record >= scene.lights_end || is_bin(record, false) {
+        return record;
     }
-    return counterpart(previous, true);
+    if is_bin(record, true) || lights[lights[record].link].data.x == NONE {
+        return current_light_id(record);
+    }
+    return record;
 }
 
 // Whether a light of this frame exists, or (`previous`) existed in the last frame.
@@ -24,25 +32,33 @@ fn light_exists(light: u32, previous: bool) -> bool {
 
 // Index in `lights` of a light of this frame, as it is or (`previous`) as it was in the last frame; NONE if it did not exist.
 fn light_record(light: u32, previous: bool) -> u32 {
-    if light >= scene.light_count {
-        return NONE;
+    if !previous {
+        return select(light, NONE, light >= scene.lights_end);
     }
-    if !previous || scene.previous_lights == 0u {
-        return light;
+    return light_in_other_frame(light, false);
+}
+
+// Whether a record is a bin of this frame or (`previous`) of the last one.
+fn is_bin(record: u32, previous: bool) -> bool {
+    if previous {
+        return record - scene.previous_first_bin < scene.previous_light_bins;
     }
-    let before = counterpart(light, false);
-    return select(scene.previous_lights + before, NONE, before == NONE);
+    return record - scene.first_bin < scene.light_bins;
 }
 
 // Id in the other frame of a light of this frame, or (`previous`) of the last frame; NONE if the other frame does not have it.
-fn counterpart(light: u32, previous: bool) -> u32 {
-    let table = select(0u, scene.previous_lights, previous);
-    let link = lights[table + light].counterpart_or_mesh;
-    if light < select(scene.light_bins, scene.previous_light_bins, previous) {
+fn light_in_other_frame(light: u32, previous: bool) -> u32 {
+    if light >= scene.lights_end || scene.previous_first_bin == NONE {
+        return NONE;
+    }
+    if scene.previous_first_bin == scene.first_bin {
+        return light;
+    }
+    let link = lights[light].link;
+    if is_bin(light, previous) {
         return link;
     }
-    // The triangles of a mesh keep their order.
-    let mesh = table + link;
-    let first = lights[mesh].counterpart_or_mesh;
-    return select(first + (light - lights[mesh].data.x), NONE, first == NONE);
+    // The triangles of a mesh stand behind its header, and keep their order.
+    let first = lights[link].link;
+    return select(first + (light - link - 1u), NONE, first == NONE);
 }

@@ -1,6 +1,6 @@
 // Choice of a light by balanced power (`src/scene/light/alias_table.rs`): the environment, or a light of the table by the alias method
 // (Vose 1991).  The table has two levels: a bin for each analytic light and each emissive mesh, and a table over the triangles of each mesh.
-// A change of one emitter thus changes its own records and those of the bins.
+// A change of one emitter thus changes the bins and the records of its own triangles.
 #define_import_path bevy_restir::light::select
 
 #import bevy_restir::common::constants::{LIGHT_MESH, NONE, PI}
@@ -8,7 +8,7 @@
 #import bevy_restir::common::math::is_finite
 #import bevy_restir::common::rng::pcg4d
 #import bevy_restir::light::environment::environment_flux
-#import bevy_restir::light::remap::current_light_id
+#import bevy_restir::light::remap::{current_light_of, is_bin}
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
 #import bevy_restir::view::render_layers::light_kind
@@ -37,15 +37,15 @@ fn light_select(u: vec2<f32>) -> LightChoice {
     let more = pcg4d(vec4<u32>(bits, 0u, 0u));
     // The 24 bits of u.x alone would bias the choice in a long table by up to count/2^24.
     let word = bits.x << 8u | more.x >> 24u;
-    let bin = multiply_high(word, scene.light_bins);
+    let bin = scene.first_bin + multiply_high(word, scene.light_bins);
     // The 24 bits of u.y alone would round the probability of a dim light up.
     let v = ((u.y - environment) + f32(more.y) * 0x1p-56) / (1.0 - environment);
     let keeps = v < lights[bin].alias_probability || lights[bin].alias_probability == 1.0;
-    let chosen = select(lights[bin].alias_index, bin, keeps);
+    let chosen = select(scene.first_bin + lights[bin].alias_index, bin, keeps);
     // The place within the bin, which the choice of the bin leaves uniform.  Its steps are as wide as the number of bins.
     let place = word * scene.light_bins + multiply_high(more.z, scene.light_bins);
     let light = light_of_bin(chosen, place, vec2<u32>(more.w, more.x));
-    return LightChoice(light, light_pmf(light));
+    return LightChoice(light, pmf_in_bin(light, chosen) * (1.0 - environment));
 }
 
 #ifdef LIGHT_TRIANGLES
@@ -63,10 +63,11 @@ fn light_of_bin(bin: u32, place: u32, coin: vec2<u32>) -> u32 {
 
 // Probability of a light in the table.
 fn table_pmf(light: u32) -> f32 {
-    if light < scene.light_bins {
+    if is_bin(light, false) {
         return lights[light].pmf;
     }
-    return lights[light].pmf * lights[lights[light].counterpart_or_mesh].pmf;
+    let header = lights[light].link;
+    return pmf_in_bin(light, scene.first_mesh_bin + lights[header].data.x);
 }
 #else
 fn light_of_bin(bin: u32, place: u32, coin: vec2<u32>) -> u32 {
@@ -78,17 +79,19 @@ fn table_pmf(light: u32) -> f32 {
 }
 #endif
 
-// Probability with which `light_select` chooses a light.  A light of the last frame, whose record stands behind this frame's table, has the
-// probability that it has now: both frames weigh their sampling techniques alike.
+// Probability of a light in the table.  `bin`: the light itself, or the bin of its mesh.
+fn pmf_in_bin(light: u32, bin: u32) -> f32 {
+    return lights[light].pmf * select(lights[bin].pmf, 1.0, light == bin);
+}
+
+// Probability with which `light_select` chooses a light, which is given by its record of this frame or the last.  A light of the last frame
+// has the probability that it has now: both frames weigh their sampling techniques alike.
 fn light_pmf(record: u32) -> f32 {
     if record == ENVIRONMENT_LIGHT {
         return environment_pmf();
     }
-    var light = record;
-    if record >= scene.light_count && record < ENVIRONMENT_LIGHT {
-        light = current_light_id(record - scene.previous_lights);
-    }
-    if light >= scene.light_count || !table_has_power() {
+    let light = current_light_of(record);
+    if light >= scene.lights_end || !table_has_power() {
         return 0.0;
     }
     return table_pmf(light) * (1.0 - environment_pmf());
@@ -112,7 +115,7 @@ fn environment_pmf() -> f32 {
 }
 
 fn table_has_power() -> bool {
-    return scene.light_count > 0u && scene.light_power > 0.0;
+    return scene.lights_end > 0u && scene.light_power > 0.0;
 }
 
 // High word of a 64-bit product.

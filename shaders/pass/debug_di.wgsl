@@ -1,8 +1,10 @@
 // Debug views of the reservoirs of ReSTIR DI, without exposure.
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::light::remap::is_bin
 #import bevy_restir::restir::di::reservoir::{PackedReservoir, reservoir_unpack}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
+#import bevy_restir::scene::bindings::scene
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::false_color::false_color
 #import bevy_restir::view::pixel::pixel_index
@@ -27,7 +29,7 @@ fn debug_di(@builtin(global_invocation_id) id: vec3<u32>) {
     var color = vec3<f32>(0.0);
     switch view.debug_view {
         case DEBUG_RESERVOIR_LIGHTS: {
-            color = select(false_color(vec2<u32>(r.point.light, NONE)), vec3<f32>(0.0), is_empty);
+            color = select(color_of_light(r.point.light), vec3<f32>(0.0), is_empty);
         }
         case DEBUG_RESERVOIR_POINTS: {
             color = select(vec3<f32>(unpack2x16unorm(r.point.coordinates), 0.0), vec3<f32>(0.0), is_empty);
@@ -43,4 +45,9 @@ fn debug_di(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     radiance[pixel_index(pixel)] = vec4<f32>(color, 1.0);
+}
+
+// A color that a light keeps as long as no light appears or disappears: bins change their places.
+fn color_of_light(light: u32) -> vec3<f32> {
+    return false_color(select(vec2<u32>(light, NONE), vec2<u32>(light - scene.first_bin, 0u), is_bin(light, false)));
 }

@@ -30,7 +30,7 @@ fn subset_of(pixel: vec2<u32>, vertex: u32) -> u32 {
 
 // Number of candidates, of as many as the settings ask for: those of a single light without an area are all the same.
 fn useful_candidates(count: u32) -> u32 {
-    return select(count, 1u, !RAYS_FIND_LIGHT && scene.light_count == 1u);
+    return select(count, 1u, !RAYS_FIND_LIGHT && scene.light_bins == 1u);
 }
 
 fn light_candidate(position: vec3<f32>, subset: u32, rng: ptr<function, Rng>) -> Candidate {

@@ -7,21 +7,22 @@ struct SceneUniforms {
     tlas_indices: u32,         // index in `nodes` of the top level's list of instances, packed 4 in a vec4
     previous_tlas_root: u32,
     previous_tlas_indices: u32,
-    light_count: u32,          // number of records in the table of lights, or 0 if nothing emits
+    lights_end: u32,           // end of the records in use in `lights`, or 0 if nothing emits
     instance_count: u32,       // number of slots of `instances`; no shader reads it
     light_power: f32,          // power of all lights of the table, by luminance, lm
     radius: f32,               // radius of a sphere around all instances, m
     center: vec3<f32>,         // center of that sphere
-    previous_lights: u32,      // index in `lights` of the last frame's table; 0 if it equals this frame's
+    previous_first_bin: u32,   // `first_bin` of the last frame: the same if no light has changed; NONE if its lights are unknown
     shapes_root: u32,          // like `tlas_root`, for the tree over spherical and rectangular lights
     shapes_indices: u32,       // like `tlas_indices`: the list of these lights
-    sun_count: u32,            // number of suns with a disk, which are the first lights of the table
+    sun_count: u32,            // number of suns with a disk, which have the first bins
     environment_limit: f32,    // largest probability of the environment beside the lights of the table
     previous_center: vec3<f32>, // sphere around all instances in the last frame
     previous_radius: f32,
-    light_bins: u32,           // number of bins of the choice, which are the first records of the table
-    previous_light_bins: u32,  // that of the last frame's table
-    pad: vec2<u32>,
+    light_bins: u32,           // number of bins of the choice of a light
+    previous_light_bins: u32,  // that of the last frame
+    first_bin: u32,            // index in `lights` of the first bin
+    first_mesh_bin: u32,       // index in `lights` of the first bin of an emissive mesh; they follow those of analytic lights
 }
 
 // The vertices of a triangle, by their indices in `vertices`.  Triangles have the order of the leaves of their bottom-level tree.
@@ -84,21 +85,21 @@ struct Material {
     clearcoat_perceptual_roughness: f32,
 }
 
-// The first `light_bins` records are the bins of the choice: the analytic lights and the emissive meshes.  The triangles of a mesh stand
-// together behind the bins and have an alias table of their own; a mesh of a single triangle has the triangle as its bin.
-// `data` by kind: triangle: (instance, triangle); mesh: (id of its first triangle, number of triangles).  Others hold bits of f32: spot:
-// cosines of the (inner, outer) angle; sphere: (radius, 0); rectangle: (half width, half height); sun: (1 - cosine of the disk's angular
-// radius, 0).
+// A record of `lights`.  The id of a light is the index of its record.  `src/scene/light/table.rs` describes the places of records: a bin for
+// each analytic light and each emissive mesh, and for each mesh a header and behind it its triangles.
+// `data` by kind: triangle: (instance, triangle); mesh: (id of its first triangle, number of triangles); header: (bin of the mesh, counted
+// from `first_mesh_bin`, or NONE if only the last frame had these triangles, 0).  Others hold bits of f32: spot: cosines of the (inner, outer)
+// angle; sphere: (radius, 0); rectangle: (half width, half height); sun: (1 - cosine of the disk's angular radius, 0).
 struct Light {
     position: vec3<f32>,       // of a point or spot light; center of a sphere or rectangle
     kind: u32,                 // LIGHT_*, and hidden sets of render layers from LIGHT_HIDDEN_SHIFT on
     emission: vec3<f32>,       // sphere, rectangle, sun: radiance; point, spot: intensity, cd;
                                // directional: illuminance, lux
-    pmf: f32,                  // of a bin: probability in the table; of a triangle behind the bins: in its mesh
+    pmf: f32,                  // of a bin: probability in the table; of a triangle: in its mesh
     direction: vec3<f32>,      // spot, directional, sun: direction of propagation; rectangle: rotation (`light/rect.wgsl`)
     alias_probability: f32,
-    alias_index: u32,          // bin, or triangle of the same mesh, counted from its first one
-    counterpart_or_mesh: u32,  // of a bin, if the table changed: id of this light, or of the first triangle of this mesh, in the table of the
-                               // other frame, or NONE; of a triangle behind the bins: bin of its mesh
+    alias_index: u32,          // of a bin: another bin, counted from the first one; of a triangle: another one, from the first of its mesh
+    link: u32,                 // of a triangle: index of the header of its mesh; of an analytic light: its id in the other frame; of a header:
+                               // id of the mesh's first triangle in the other frame; NONE if the other frame does not have the light
     data: vec2<u32>,
 }

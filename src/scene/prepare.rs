@@ -149,7 +149,7 @@ fn update_instances_and_lights(
     meshes.keep_substitutes(&mut instances.substitutes);
     drop(running);
     let _running = times.measure(Stage::Lights);
-    // The buffer also holds the table of the last frame, so each table gets half of it.
+    // The buffer also holds the records that only the table of the last frame has, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
     if lights.visited > 0 || meshes.has_more_copies() {
@@ -157,7 +157,7 @@ fn update_instances_and_lights(
     }
     #[cfg(feature = "testing")]
     if context.check.is_some() {
-        lights.check();
+        lights.check(instances);
     }
 }
 
@@ -207,6 +207,7 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
 
 fn uniforms(pools: &Pools) -> GpuSceneUniforms {
     let Pools { instances, lights, .. } = pools;
+    let (bins, previous_bins) = (lights.bins(), lights.previous_bins());
     let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top.top_levels();
     let [shapes_root, shapes_indices] = lights.shapes();
     GpuSceneUniforms {
@@ -214,21 +215,22 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
         tlas_indices,
         previous_tlas_root,
         previous_tlas_indices,
-        light_count: lights.count(),
+        lights_end: lights.end(),
         instance_count: instances.len(),
         light_power: lights.power().min(1e30) as f32,
         radius: instances.top.radius,
         center: instances.top.center,
-        previous_lights: lights.previous_at,
+        previous_first_bin: previous_bins.as_ref().map_or(NONE, |bins| bins.start),
         shapes_root,
         shapes_indices,
         sun_count: lights.sun_count(),
         environment_limit: lights.environment_limit(),
         previous_center: instances.top.previous_sphere.0,
         previous_radius: instances.top.previous_sphere.1,
-        light_bins: lights.bin_count(),
-        previous_light_bins: lights.previous_bins,
-        pad: [0; 2],
+        light_bins: bins.len() as u32,
+        previous_light_bins: previous_bins.map_or(0, |bins| bins.len() as u32),
+        first_bin: bins.start,
+        first_mesh_bin: lights.first_mesh_bin(),
     }
 }
 
@@ -290,7 +292,7 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools, scene: &ExtractedScene
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     let top = &instances.top;
-    bindings.keeps_light_probabilities = lights.previous_at == 0 && top.radius == top.previous_sphere.1;
+    bindings.keeps_light_probabilities = lights.is_same() && top.radius == top.previous_sphere.1;
     bindings.edit_revision = materials.edit_revision + textures.edit_revision + instances.edit_revision;
     let poses_expected = bodies.is_ready() || !expected.contains(SceneFeatures::DEFORMATION);
     bindings.ready = meshes.idle(&scene.instances) && !instances.waiting && textures.complete && poses_expected;

@@ -3,6 +3,7 @@
 use super::{Mutant, mutant};
 
 const EMISSION: &[&str] = &["sampling::emission"];
+const EDITS: &[&str] = &["lights_keep_their_probabilities_and_are_found"];
 
 pub const MUTANTS: &[Mutant] = &[
     // Lights.
@@ -44,8 +45,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the probability of a triangle is that within its mesh",
         "light/select.wgsl",
-        "return lights[light].pmf * lights[lights[light].counterpart_or_mesh].pmf;",
-        "return lights[light].pmf;",
+        "select(lights[bin].pmf, 1.0, light == bin)",
+        "1.0",
         &["triangles_of_meshes_are_chosen"],
     ),
     mutant(
@@ -65,9 +66,30 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the first triangle of a mesh stands for all in the last frame",
         "light/remap.wgsl",
-        "first + (light - lights[mesh].data.x)",
+        "first + (light - link - 1u)",
         "first",
         &["reads_of_the_last_frame_equal_those_of_that_frame"],
+    ),
+    mutant(
+        "triangles that only the last frame had count as those of this frame",
+        "light/remap.wgsl",
+        "if is_bin(record, true) || lights[lights[record].link].data.x == NONE {",
+        "if is_bin(record, true) {",
+        EDITS,
+    ),
+    mutant(
+        "analytic lights keep the ids of the last frame",
+        "light/remap.wgsl",
+        "return link;",
+        "return light;",
+        EDITS,
+    ),
+    mutant(
+        "the header of a mesh names its bin from the first light on",
+        "light/select.wgsl",
+        "pmf_in_bin(light, scene.first_mesh_bin + lights[header].data.x)",
+        "pmf_in_bin(light, scene.first_bin + lights[header].data.x)",
+        EDITS,
     ),
     mutant(
         "the rim of a spot is linear",

@@ -326,9 +326,9 @@ pub const MUTANTS: &[Mutant] = &[
     // The last frame; `previous_frame` has further reads of it.
     mutant(
         "lights of the last frame have no probability",
-        "light/select.wgsl",
-        "light = current_light_id(record - scene.previous_lights);",
-        "light = NONE;",
+        "light/remap.wgsl",
+        "return current_light_id(record);",
+        "return NONE;",
         &["reads_of_the_last_frame_equal_those_of_that_frame"],
     ),
     mutant(

@@ -115,19 +115,21 @@ fn triangles_of_meshes_are_chosen_by_power() {
     assert_family(scenes.iter().map(|(lit, bins, share)| {
         let usable = |p: &f64| if p.is_finite() { p.max(0.0) } else { 0.0 };
         let total: f64 = bins.iter().flatten().map(usable).sum();
-        let single = bins.iter().map(|powers| if powers.len() == 1 { usable(&powers[0]) } else { 0.0 });
-        let triangles = bins.iter().filter(|powers| powers.len() > 1).flatten().map(usable);
-        let pmf: Vec<f64> = single.chain(triangles).map(|p| p / total * (1.0 - share)).chain([*share]).collect();
-        assert_eq!(pmf.len(), lit.lights.len() + 1);
-        let table: Vec<Bin> = lit.lights[..bins.len()]
-            .iter()
-            .zip(bins)
-            .map(|(light, powers)| {
-                let [first, count] = if powers.len() > 1 { light.data.map(|i| i as usize) } else { [0; 2] };
-                let triangles = &lit.lights[first..first + count];
-                Bin { entry: light.into(), triangles: triangles.iter().map(Into::into).collect() }
-            })
-            .collect();
+        // By the ids of the lights.
+        let mut pmf = vec![0.0; lit.lights.len()];
+        for (bin, powers) in bins.iter().enumerate() {
+            let first = lit.first_light(bin);
+            for (pmf, power) in pmf[first..].iter_mut().zip(powers) {
+                *pmf = usable(power) / total * (1.0 - share);
+            }
+        }
+        pmf.push(*share);
+        let bin_of = |(bin, (light, powers)): (usize, (&GpuLight, &Vec<f64>))| {
+            let count = if powers.len() > 1 { powers.len() } else { 0 };
+            let triangles = &lit.lights[lit.first_light(bin)..][..count];
+            Bin { entry: light.into(), triangles: triangles.iter().map(Into::into).collect() }
+        };
+        let table: Vec<Bin> = lit.bins().iter().zip(bins).enumerate().map(bin_of).collect();
         let test = move |seed: u32| {
             let mut counts = vec![0.0; pmf.len()];
             let defs: &[Def] =
@@ -141,10 +143,8 @@ fn triangles_of_meshes_are_chosen_by_power() {
                 assert!((choice - wanted).abs() <= 1e-4 * wanted + 1e-10, "{chosen}: {choice}, not {wanted}");
                 assert!(choice.to_bits() == f64::from(f32::from_bits(again)).to_bits() && choice > 0.0);
                 let [x, y, ..] = pcg4d([id, seed, 79, 0]);
-                let oracle = choose(&table, [x >> 8, y >> 8], *share).map(|(bin, triangle)| match bins[bin].len() {
-                    1 => bin,
-                    _ => lit.lights[bin].data[0] as usize + triangle,
-                });
+                let oracle = choose(&table, [x >> 8, y >> 8], *share);
+                let oracle = oracle.map(|(bin, triangle)| lit.first_light(bin) + triangle);
                 others += u32::from(oracle.unwrap_or(lit.lights.len()) != chosen);
             }
             // f32 rounds where a coin is tossed at the probability itself.
@@ -187,8 +187,7 @@ fn a_dim_light_is_chosen_with_its_probability() {
             // A share of 0.8 is that of any bright environment.
             lit.view.environment_color = [1e9 * environment; 3];
             let counts = first_choices(&lit, environment);
-            let first = if dim.len() == 1 { 1 } else { 2 };
-            for (count, power) in counts[first..].iter().zip(&dim) {
+            for (count, power) in counts[lit.first_light(1)..].iter().zip(&dim) {
                 let wanted = power * (1.0 - f64::from(environment)) * f64::from(COLUMNS) * 16_777_216.0;
                 let ratio = f64::from(*count) / wanted;
                 println!("{dim:?} with an environment of {environment}: {ratio:.4} times the probability");
@@ -213,7 +212,8 @@ fn a_dim_triangle_of_a_mesh_is_chosen_with_its_probability() {
         let bound = [(2, 0, Bound::Buffer(&place)), (2, 1, Bound::Buffer(&chosen))];
         let kernel = include_str!("../support/kernels/light_of_bin.wgsl");
         lit.run("light_of_bin", kernel, &[flag("LIGHT_TRIANGLES")], 64 * COINS, &bound);
-        let count = gpu.read::<u32>(&chosen).into_iter().filter(|light| *light == 2).count();
+        let second = lit.first_light(0) as u32 + 1;
+        let count = gpu.read::<u32>(&chosen).into_iter().filter(|light| *light == second).count();
         // Each place is one half of the table.
         let probability = 0.5 * count as f64 / 64.0 / 2f64.powi(32);
         println!("{probability:e} of {power:e}");

@@ -111,6 +111,34 @@ fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
     rig.assert_sound();
 }
 
+/// Renders frames until all meshes are built, those that nothing shows, too.
+fn until_built(rig: &mut Rig) {
+    rig.frame();
+    while table_lengths(&rig.app).iter().any(|(name, count)| *name == "meshes that are built" && *count > 0) {
+        rig.frame();
+    }
+}
+
+#[test]
+fn a_mesh_that_loses_its_triangles_before_anything_shows_it_is_not_shown() {
+    let Some(mut rig) = rig() else { return };
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    rig.spawn(square(0.2), lambert(0.5), Transform::from_xyz(0.9, 0.9, 0.0));
+    let mesh = rig.add::<Mesh>(square(1.0));
+    rig.until_ready();
+    until_built(&mut rig);
+    let before = covered(&rig.next());
+    rig.edit(&mesh, |mesh| *mesh = square(0.0));
+    until_built(&mut rig);
+    rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    rig.until_ready();
+    assert_eq!(covered(&rig.next()), before, "the mesh has no triangles");
+    rig.edit(&mesh, |mesh| *mesh = square(1.0));
+    rig.until_ready();
+    assert_eq!(covered(&rig.next()), before + 16 * 16);
+    rig.assert_sound();
+}
+
 /// Four triangles; the first `flat` of them have no area.
 fn partly_flat(flat: usize) -> Mesh {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -190,9 +218,7 @@ fn meshes_that_nothing_shows_take_no_room_and_keep_nobody_waiting() {
         rig.frame();
         assert!(rig.report().ready, "frame {frame}");
     }
-    while table_lengths(&rig.app).iter().any(|(name, count)| *name == "meshes that are built" && *count > 0) {
-        rig.frame();
-    }
+    until_built(&mut rig);
     assert_eq!(bytes(&rig), before, "an unused mesh is on the GPU");
     rig.spawn_bundle((Mesh3d(unused), MeshMaterial3d(material), Transform::default()));
     rig.frame();

@@ -6,7 +6,10 @@ use bevy::{
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
-use bevy_restir::{Direct, Restir, Technique, testing::gpu_layout::*};
+use bevy_restir::{
+    Direct, Restir, Technique,
+    testing::{gpu_layout::*, lengths::table_lengths},
+};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The size of a binding in tests of the limits, in bytes: it holds 8192 lights, with those of the last frame.
@@ -146,6 +149,45 @@ fn point_lights_beyond_the_light_table_are_dropped() {
     }
     let warnings = log::warnings("100 other lights are left out");
     assert_eq!(warnings.len(), 1, "{warnings:?}");
+}
+
+/// Two emissive sheets that nearly fill the table.  The mesh of one is replaced by a larger one, for which the buffer has no free range.
+#[test]
+fn lights_for_which_no_free_range_is_long_enough_get_other_places() {
+    const SHAPES: [(u32, u32); 3] = [(50, 50), (50, 30), (57, 45)];
+    let scene = |first: usize| {
+        let mut rig = Rig::binding_at_most(SMALL, 24, 16)?;
+        rig.set(|r| *r = settings(Technique::Di));
+        rig.spawn(square(4.0), lambert(0.5), Transform::default());
+        let meshes = SHAPES.map(|(columns, rows)| rig.add::<Mesh>(sheet(1.0, columns, rows)));
+        let dark = rig.add::<StandardMaterial>(lambert(0.0));
+        for mesh in &meshes {
+            let place = Transform::from_xyz(0.0, 0.0, 40.0);
+            rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(dark.clone()), place));
+        }
+        let sheets = [first, 1].map(|shape| {
+            let glow = rig.add::<StandardMaterial>(lamp(3.0, 2.0, 1.0));
+            let place = Transform::from_xyz(shape as f32 - 1.0, 0.0, 1.5).looking_to(Vec3::Z, Vec3::Y);
+            rig.spawn_bundle((Mesh3d(meshes[shape].clone()), MeshMaterial3d(glow), place))
+        });
+        rig.until_ready();
+        Some((rig, meshes, sheets))
+    };
+    let Some((mut rig, meshes, [sheet, _])) = scene(0) else { return };
+    let records =
+        |rig: &Rig| table_lengths(&rig.app).into_iter().find(|(name, _)| *name == "lights").map(|(_, count)| count);
+    // The edited sheet has its records behind the others, and those of the last frame are free in the next one.
+    let glow = rig.material_of(sheet);
+    rig.edit(&glow, |m| m.emissive = LinearRgba::rgb(2.0, 2.0, 1.0));
+    rig.frames(2);
+    assert!(records(&rig) > Some(2 * 5001 + 3001), "{:?}", records(&rig));
+    rig.insert(sheet, (Mesh3d(meshes[2].clone()), Transform::from_xyz(1.0, 0.0, 1.5).looking_to(Vec3::Z, Vec3::Y)));
+    rig.frames(2);
+    assert_eq!((rig.report().lights, records(&rig)), (5130 + 3000, Some(64 + 5131 + 3001)));
+    let (mut fresh, _, [sheet, _]) = scene(2).expect("there is an adapter");
+    let glow = fresh.material_of(sheet);
+    fresh.edit(&glow, |m| m.emissive = LinearRgba::rgb(2.0, 2.0, 1.0));
+    assert_eq!(rig.picture(4), fresh.picture(4));
 }
 
 #[test]

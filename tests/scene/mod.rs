@@ -15,6 +15,7 @@ mod flickering_lights;
 mod geometry;
 mod huge_scenes;
 mod light_counts;
+mod light_edits;
 mod live_images;
 mod many_instances;
 mod material_edge_cases;

@@ -56,12 +56,12 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             tlas_indices,
             previous_tlas_root,
             previous_tlas_indices,
-            light_count,
+            lights_end,
             instance_count,
             light_power,
             radius,
             center,
-            previous_lights,
+            previous_first_bin,
             shapes_root,
             shapes_indices,
             sun_count,
@@ -70,7 +70,8 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             previous_radius,
             light_bins,
             previous_light_bins,
-            pad,
+            first_bin,
+            first_mesh_bin,
         }
     );
     agrees!(types, "Triangle", GpuTriangle { a, b, c });
@@ -121,17 +122,7 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
     agrees!(
         types,
         "Light",
-        GpuLight {
-            position,
-            kind,
-            emission,
-            pmf,
-            direction,
-            alias_probability,
-            alias_index,
-            counterpart_or_mesh,
-            data
-        }
+        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, link, data }
     );
 }
 

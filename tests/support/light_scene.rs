@@ -170,38 +170,75 @@ impl<'g> LightScene<'g> {
 
     /// Sets the alias table of the lights and the counts of the scene from these powers.  Each light is a bin.
     pub fn set_powers(&mut self, powers: &[f64]) {
+        self.set_choice(0, powers);
+        self.scene.lights_end = self.scene.light_bins;
+    }
+
+    /// Sets the alias table of the bins, which begin at this record.
+    fn set_choice(&mut self, first_bin: usize, powers: &[f64]) {
         let total: f64 = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         self.scene.light_power = total as f32;
-        (self.scene.light_count, self.scene.light_bins) = (0, 0);
+        (self.scene.first_bin, self.scene.first_mesh_bin) = (first_bin as u32, first_bin as u32);
+        self.scene.light_bins = 0;
         if let Some(table) = alias_table(powers) {
-            self.scene.light_count = powers.len() as u32;
             self.scene.light_bins = powers.len() as u32;
-            for (light, entry) in self.lights.iter_mut().zip(table) {
+            for (light, entry) in self.lights[first_bin..].iter_mut().zip(table) {
                 light.pmf = entry.pmf;
                 light.alias_probability = entry.probability;
                 light.alias_index = entry.alias;
             }
         }
+        (self.scene.previous_first_bin, self.scene.previous_light_bins) = (first_bin as u32, self.scene.light_bins);
     }
 
-    /// Sets a table of bins with these powers: those of a single light, or of the triangles of a mesh.  The triangles follow the bins.
+    /// Sets a table of bins with these powers: those of a single light, or of the triangles of a mesh.  Half of the meshes lie before the bins,
+    /// the others behind them, and there are unused records between them.
     pub fn set_bins(&mut self, bins: &[Vec<f64>]) {
-        self.lights = vec![GpuLight::default(); bins.len()];
-        for (bin, powers) in bins.iter().enumerate().filter(|(_, powers)| powers.len() > 1) {
-            let data = [self.lights.len() as u32, powers.len() as u32];
-            self.lights[bin] = GpuLight { kind: LIGHT_MESH, data, ..Default::default() };
+        const GAP: usize = 3;
+        let mut end = 0;
+        let mut take = |count: usize| {
+            let first = end + GAP;
+            end = first + count;
+            first
+        };
+        let meshes: Vec<usize> = (0..bins.len()).filter(|bin| bins[*bin].len() > 1).collect();
+        let (before, behind) = meshes.split_at(meshes.len() / 2);
+        let mut headers: Vec<usize> = before.iter().map(|bin| take(1 + bins[*bin].len())).collect();
+        let first_bin = take(bins.len());
+        headers.extend(behind.iter().map(|bin| take(1 + bins[*bin].len())));
+        self.lights = vec![GpuLight::default(); end];
+        for (bin, header) in meshes.into_iter().zip(headers) {
+            let powers = &bins[bin];
+            let data = [header as u32 + 1, powers.len() as u32];
+            self.lights[first_bin + bin] = GpuLight { kind: LIGHT_MESH, data, ..Default::default() };
+            self.lights[header].data[0] = bin as u32;
             let table = alias_table(powers).unwrap_or_else(|| vec![Default::default(); powers.len()]);
-            self.lights.extend(table.iter().map(|entry| GpuLight {
-                pmf: entry.pmf,
-                alias_probability: entry.probability,
-                alias_index: entry.alias,
-                counterpart_or_mesh: bin as u32,
-                ..Default::default()
-            }));
+            for (light, entry) in self.lights[header + 1..].iter_mut().zip(table) {
+                *light = GpuLight {
+                    pmf: entry.pmf,
+                    alias_probability: entry.probability,
+                    alias_index: entry.alias,
+                    link: header as u32,
+                    ..Default::default()
+                };
+            }
         }
         let usable = |powers: &Vec<f64>| powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
-        self.set_powers(&bins.iter().map(usable).collect::<Vec<f64>>());
-        self.scene.light_count = self.lights.len() as u32;
+        self.set_choice(first_bin, &bins.iter().map(usable).collect::<Vec<f64>>());
+        self.scene.lights_end = self.lights.len() as u32;
+    }
+
+    /// The bins of [`Self::set_bins`].
+    pub fn bins(&self) -> &[GpuLight] {
+        &self.lights[self.scene.first_bin as usize..][..self.scene.light_bins as usize]
+    }
+
+    /// Id of the first light of a bin of [`Self::set_bins`].
+    pub fn first_light(&self, bin: usize) -> usize {
+        match self.bins()[bin] {
+            GpuLight { kind: LIGHT_MESH, data, .. } => data[0] as usize,
+            _ => self.scene.first_bin as usize + bin,
+        }
     }
 
     /// Samples the environment where an element of `samples` is zero, and evaluates the direction of the others.

@@ -154,7 +154,7 @@ pub const WRONG: [(&str, &str, &str, &str); 10] = [
         "let world = instance_transform(instance, previous);",
         "let world = instance_transform(instance, false);",
     ),
-    ("light", "light/remap.wgsl", "if !previous || scene.previous_lights == 0u {", "if true {"),
+    ("light", "light/remap.wgsl", "if !previous {", "if true {"),
     (
         "density of a light",
         "light/point_on_light.wgsl",

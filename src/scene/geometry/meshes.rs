@@ -264,6 +264,8 @@ pub(crate) fn finish_meshes(
             Err(BuildError::Panic(text)) => (MeshProblem::BuildFailed, format!("could not be built ({text})")),
         };
         pool.warn(id, problem, &format!("{reason}; it is left out"), assets.as_deref());
+        // An instance that begins to show the mesh must not show what it was.
+        pool.unused.remove(&id);
         pool.release(id);
         pool.left_out.insert(id);
         pool.changed.push(id);

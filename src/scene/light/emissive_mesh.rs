@@ -10,20 +10,41 @@ use bevy::{asset::AssetId, math::Vec3, mesh::Mesh};
 /// Everything that the lights of an emissive instance depend on.
 #[derive(Clone, Debug)]
 pub(super) struct EmissiveMesh {
-    /// Slot of the instance.
-    pub slot: u32,
+    pub source: TriangleSource,
     pub mesh: AssetId<Mesh>,
     /// Version of the mesh.
     pub version: u64,
     /// The CPU has a copy of the corners of its triangles.
     pub has_corners: bool,
-    /// First triangle of the instance in the triangle buffer.
-    pub first_triangle: u32,
-    pub triangle_count: u32,
     /// Mean radiance of the material.
     pub emission: [f32; 3],
     pub double_sided: bool,
     metric: [f32; 6],
+}
+
+/// The triangles of an instance, as the records of lights name them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TriangleSource {
+    /// Slot of the instance.
+    pub slot: u32,
+    /// First triangle of the instance in the triangle buffer.
+    pub first_triangle: u32,
+    pub count: u32,
+}
+
+impl TriangleSource {
+    /// Records of the triangles behind this header, with the table of the choice among them.
+    pub(super) fn lights(self, header: u32, entries: Vec<AliasEntry>) -> impl Iterator<Item = GpuLight> {
+        entries.into_iter().zip(self.first_triangle..).map(move |(entry, triangle)| GpuLight {
+            kind: LIGHT_TRIANGLE,
+            pmf: entry.pmf,
+            alias_probability: entry.probability,
+            alias_index: entry.alias,
+            link: header,
+            data: [self.slot, triangle],
+            ..Default::default()
+        })
+    }
 }
 
 impl EmissiveMesh {
@@ -37,13 +58,12 @@ impl EmissiveMesh {
     ) -> Self {
         let m = &instance.world_from_object;
         let column = |i: usize| Vec3::new(m[0][i], m[1][i], m[2][i]);
+        let source = TriangleSource { slot, first_triangle: instance.first_triangle, count: instance.triangle_count };
         Self {
-            slot,
+            source,
             mesh,
             version,
             has_corners,
-            first_triangle: instance.first_triangle,
-            triangle_count: instance.triangle_count,
             emission,
             double_sided,
             metric: metric([column(0), column(1), column(2)]),
@@ -53,17 +73,10 @@ impl EmissiveMesh {
     /// Whether both have equal triangles with equal powers.  A rigid motion of the instance changes neither.
     pub(super) fn is_unchanged_from(&self, other: &Self) -> bool {
         // A version belongs to one mesh.
-        let triangles =
-            |m: &Self| (m.slot, m.version, m.has_corners, m.first_triangle, m.triangle_count, m.double_sided);
+        let triangles = |m: &Self| (m.source, m.version, m.has_corners, m.double_sided);
         triangles(self) == triangles(other)
             && equal_or_nan(self.emission, other.emission)
             && has_same_metric(&self.metric, &other.metric)
-    }
-
-    /// Whether the records of the triangles stay valid, except for the choice among them.
-    pub(super) fn has_records_of(&self, other: &Self) -> bool {
-        (self.slot, self.first_triangle, self.triangle_count)
-            == (other.slot, other.first_triangle, other.triangle_count)
     }
 
     /// The table of the choice among the triangles, in proportion to their areas.  Deforming meshes use the areas of the rest pose, so that
@@ -94,35 +107,9 @@ impl EmissiveMesh {
         core::f64::consts::PI * luminance(self.emission) * sides * area
     }
 
-    /// Records of the triangles, whose mesh has the bin `mesh`.
-    pub(super) fn lights(&self, mesh: u32, table: Vec<AliasEntry>) -> impl Iterator<Item = GpuLight> {
-        let (slot, first_triangle) = (self.slot, self.first_triangle);
-        table.into_iter().zip(0..).map(move |(entry, i)| GpuLight {
-            kind: LIGHT_TRIANGLE,
-            pmf: entry.pmf,
-            alias_probability: entry.probability,
-            alias_index: entry.alias,
-            counterpart_or_mesh: mesh,
-            data: [slot, first_triangle + i],
-            ..Default::default()
-        })
-    }
-
-    /// Record of the bin of the mesh, whose triangles start at `first`.  A single triangle is its own bin.
-    pub(super) fn bin(&self, first: u32) -> GpuLight {
-        let (kind, data) = match self.triangle_count {
-            1 => (LIGHT_TRIANGLE, [self.slot, self.first_triangle]),
-            count => (LIGHT_MESH, [first, count]),
-        };
-        GpuLight { kind, data, ..Default::default() }
-    }
-
-    /// Number of records in the light table: the bin and, if there are several triangles, each of them.
+    /// Number of records in the light table: the bin, the header and the triangles.
     pub(super) fn record_count(&self) -> u64 {
-        match self.triangle_count {
-            1 => 1,
-            count => 1 + u64::from(count),
-        }
+        2 + u64::from(self.source.count)
     }
 }
 

@@ -3,9 +3,8 @@
 use bevy::{asset::AssetId, mesh::Mesh, render::sync_world::MainEntity};
 
 use super::{
-    alias_table::AliasEntry,
     analytic::{has_same_emission, has_same_placement},
-    emissive_mesh::{EmissiveMesh, MeshTable},
+    emissive_mesh::EmissiveMesh,
     luminance,
 };
 use crate::gpu_layout::*;
@@ -62,14 +61,4 @@ pub(super) fn gather(
         Some((live.entity, Emitter::Mesh(mesh)))
     });
     analytic.chain(emissive).collect()
-}
-
-/// The table of the choice among the triangles of an instance; `None` if the CPU has no copy of the corners of its mesh.
-pub(super) fn mesh_table(
-    emissive: &EmissiveMesh,
-    instances: &InstancePool,
-    meshes: &MeshPool,
-) -> Option<(MeshTable, Vec<AliasEntry>)> {
-    let corners = meshes.get(emissive.mesh)?.corners.as_ref()?;
-    Some(emissive.build(corners.corners(), &instances.get(emissive.slot).world_from_object))
 }

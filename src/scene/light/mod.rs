@@ -3,10 +3,13 @@
 
 pub mod alias_table;
 mod analytic;
+#[cfg(feature = "testing")]
+mod check;
 mod emissive_mesh;
 mod emitter;
 mod id_remap;
 pub(crate) mod lights;
+mod records;
 mod shape_tree;
 mod table;
 

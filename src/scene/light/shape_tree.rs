@@ -22,7 +22,7 @@ pub(super) struct ShapeTree {
 }
 
 impl ShapeTree {
-    /// Rebuilds the tree if a box has changed.  `lights`: the analytic lights, the first of the table.  Returns the uploaded bytes.
+    /// Rebuilds the tree if a box has changed.  `lights`: the analytic lights in the order of their bins.  Returns the uploaded bytes.
     pub(super) fn update(
         &mut self,
         lights: &[GpuLight],
@@ -31,7 +31,7 @@ impl ShapeTree {
         queue: &RenderQueue,
     ) -> u64 {
         let lights = lights.iter().enumerate();
-        let boxes: Vec<_> = lights.filter_map(|(id, light)| Some((id as u32, shape_bounds(light)?))).collect();
+        let boxes: Vec<_> = lights.filter_map(|(bin, light)| Some((bin as u32, shape_bounds(light)?))).collect();
         if boxes == self.boxes && !self.is_missing {
             return 0;
         }
@@ -52,7 +52,7 @@ impl ShapeTree {
         bytes
     }
 
-    /// Root node and start of the list of light ids, as `TopLevel::top_levels` gives them for instances.
+    /// Root node and start of the list of bins, as `TopLevel::top_levels` gives them for instances.
     pub(super) fn root_and_indices(&self) -> [u32; 2] {
         [self.nodes.root(), self.nodes.indices()]
     }

@@ -1,56 +1,139 @@
-//! The records of a light table: the bins of the choice first, which are the analytic lights and the emissive instances, and then the
-//! triangles of every instance.  An alias table over the bins selects in proportion to power, except that distant lights and the others each
-//! keep a least share (`balance_distant_lights`).  Each instance has an alias table over its triangles.
+//! The table of lights.  Its first level has a bin for each analytic light and each emissive instance, in this order: an alias table over the
+//! bins selects in proportion to power, except that distant lights and the others each keep a least share (`balance_distant_lights`).  Each
+//! instance has an alias table over its triangles.
+//!
+//! The records of a table lie in ranges that are allocated one by one.  The bins have a range, which another one replaces whenever something
+//! changes, so that those of the last frame stay for temporal reuse.  Each instance has a range with a header and its triangles behind it.
+//! The range stays where it is as long as the instance keeps its slot and its triangles.  A triangle names its header, and the header names
+//! the bin.  So a light that appears, disappears or changes leaves the triangles of all other instances as they are.
 
 use bevy::render::sync_world::MainEntity;
 use std::ops::Range;
 
 use super::{
     alias_table::{AliasEntry, ENVIRONMENT_LIMIT, alias_table, balance_distant_lights},
-    analytic::AnalyticRecord,
-    emissive_mesh::{EmissiveMesh, MeshTable},
-    emitter::{Emitter, mesh_table},
-    id_remap::{Group, Owner},
+    emissive_mesh::{EmissiveMesh, MeshTable, TriangleSource},
+    id_remap::{Group, Owner, groups_after, groups_before},
+    records::LightRecords,
 };
 use crate::gpu_layout::*;
-use crate::scene::geometry::{instances::InstancePool, meshes::MeshPool};
+use crate::planted::{Fault, is_planted};
+use crate::scene::geometry::{instances::InstancePool, meshes::corner_copies::CornerCopy};
+
+/// The range of the bins has a multiple of this length, so that it can be used again when there are a few lights more or less.
+const BINS_STEP: u32 = 64;
 
 pub(super) struct LightTable {
+    /// Range of the bins, at whose end some records may be unused.
+    pub place: Range<u32>,
     /// Lights of the bins.
     pub groups: Vec<Group>,
     /// Powers of the bins.
-    pub powers: Vec<f64>,
-    /// Sources of the tables of the emissive instances, which have the last bins.
-    pub meshes: Vec<MeshTable>,
-    pub records: Vec<GpuLight>,
+    powers: Vec<f64>,
+    /// Analytic lights, which have the first bins.
+    pub analytic: Vec<GpuLight>,
+    /// Emissive instances, which have the other bins.
+    pub meshes: Vec<MeshLights>,
+    /// The choice of a bin.
+    choice: Vec<AliasEntry>,
     /// Sum of the powers.
     pub power: f64,
     /// Largest probability of the environment beside the table.
     pub environment_limit: f32,
 }
 
-/// The next content of the bins, if each keeps its lights.
-pub(super) struct NextBins<'a> {
-    records: Vec<GpuLight>,
-    powers: Vec<f64>,
-    pub changed: Vec<ChangedMesh<'a>>,
+/// The lights of an emissive instance.
+#[derive(Debug)]
+pub(super) struct MeshLights {
+    pub source: TriangleSource,
+    /// Range of the header and the triangles.
+    pub place: Range<u32>,
+    table: MeshTable,
 }
 
-/// An instance whose triangles have other records.
-pub(super) struct ChangedMesh<'a> {
-    pub bin: usize,
-    pub mesh: &'a EmissiveMesh,
-    /// A new table of the choice among the triangles, if the old one does not hold.
-    table: Option<(MeshTable, Vec<AliasEntry>)>,
+/// The content of the next table, which has no place among the records yet.
+#[derive(Default)]
+pub(super) struct NextTable<'a> {
+    groups: Vec<Group>,
+    powers: Vec<f64>,
+    analytic: Vec<GpuLight>,
+    emissive: Vec<(&'a EmissiveMesh, &'a CornerCopy)>,
+    /// The emissive instances, once they are weighed.
+    meshes: Vec<NextMesh>,
+    /// For each bin, the bin of the last table with the same lights.
+    before: Vec<Option<usize>>,
+    /// Number of records.
+    pub record_count: u64,
+    /// Triangles whose areas were computed.
+    pub computed: u64,
+}
+
+struct NextMesh {
+    source: TriangleSource,
+    table: MeshTable,
+    /// The choice among the triangles, if the last one does not hold.
+    entries: Option<Vec<AliasEntry>>,
+}
+
+impl<'a> NextTable<'a> {
+    /// Adds an analytic light.  Emissive instances follow afterwards.
+    pub(super) fn add_analytic(&mut self, entity: MainEntity, light: GpuLight, power: f64) {
+        let owner = Owner { entity, kind: light.kind & LIGHT_KIND_BITS };
+        self.groups.push(Group { owner, count: 1 });
+        self.analytic.push(light);
+        self.powers.push(power);
+        self.record_count += 1;
+    }
+
+    /// Adds an emissive instance.
+    pub(super) fn add_mesh(&mut self, entity: MainEntity, mesh: &'a EmissiveMesh, corners: &'a CornerCopy) {
+        let owner = Owner { entity, kind: LIGHT_TRIANGLE };
+        self.groups.push(Group { owner, count: mesh.source.count });
+        self.emissive.push((mesh, corners));
+        self.record_count += mesh.record_count();
+    }
+
+    /// Finds the lights in the last table, and computes the powers of the instances.  Those that were in the last table keep their choice
+    /// among the triangles, if it holds.
+    pub(super) fn weighed(mut self, last: &LightTable, instances: &InstancePool) -> Self {
+        self.before = groups_before(&last.groups, &self.groups);
+        for ((mesh, corners), before) in self.emissive.drain(..).zip(&self.before[self.analytic.len()..]) {
+            let source = mesh.source;
+            let kept = before.map(|bin| last.mesh_of(bin).table);
+            let (next, area) = match kept.and_then(|table| Some((table, mesh.area_by(&table)?))) {
+                Some((table, area)) => (NextMesh { source, table, entries: None }, area),
+                None => {
+                    let transform = &instances.get(source.slot).world_from_object;
+                    let (table, entries) = mesh.build(corners.corners(), transform);
+                    self.computed += entries.len() as u64;
+                    (NextMesh { source, table, entries: Some(entries) }, table.area)
+                }
+            };
+            self.powers.push(mesh.power(area));
+            self.meshes.push(next);
+        }
+        self
+    }
+
+    /// Whether the last table has this content.
+    pub(super) fn equals(&self, last: &LightTable) -> bool {
+        let mut meshes = self.meshes.iter().zip(&last.meshes);
+        self.groups == last.groups
+            && self.powers == last.powers
+            && self.analytic == last.analytic
+            && meshes.all(|(next, last)| next.source == last.source && next.entries.is_none())
+    }
 }
 
 impl Default for LightTable {
     fn default() -> Self {
         Self {
+            place: 0..0,
             groups: Vec::new(),
             powers: Vec::new(),
+            analytic: Vec::new(),
             meshes: Vec::new(),
-            records: Vec::new(),
+            choice: Vec::new(),
             power: 0.0,
             environment_limit: ENVIRONMENT_LIMIT,
         }
@@ -58,130 +141,92 @@ impl Default for LightTable {
 }
 
 impl LightTable {
-    /// The next content of the bins; `None` if some bin does not keep its lights.  `before`: the emitters of the table, in the same order.
-    pub(super) fn next_bins<'a>(
-        &self,
-        emitters: &'a [(MainEntity, Emitter)],
-        before: &[(MainEntity, Emitter)],
-        radius: f32,
-        instances: &InstancePool,
-        meshes: &MeshPool,
-    ) -> Option<NextBins<'a>> {
-        let analytic = self.analytic_count();
-        let count = self.groups.len();
-        let (mut records, mut powers) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut changed = Vec::new();
-        for ((entity, emitter), (_, old)) in emitters.iter().zip(before) {
-            let bin = records.len();
-            let is_of = |kind| self.groups.get(bin).is_some_and(|group| group.owner == Owner { entity: *entity, kind });
-            let (record, power) = match (emitter, old) {
-                (Emitter::Analytic(light), Emitter::Analytic(_)) => {
-                    let record = AnalyticRecord::new(light, radius);
-                    if !record.can_be_sampled() {
-                        continue;
-                    }
-                    if !is_of(record.light.kind & LIGHT_KIND_BITS) {
-                        return None;
-                    }
-                    (GpuLight { kind: self.records[bin].kind, ..record.light }, record.power)
-                }
-                (Emitter::Mesh(mesh), Emitter::Mesh(old)) => {
-                    if (mesh.triangle_count, mesh.has_corners) != (old.triangle_count, old.has_corners) {
-                        return None;
-                    }
-                    // The table may have no room for it.
-                    if !is_of(LIGHT_TRIANGLE) {
-                        continue;
-                    }
-                    let kept = mesh.area_by(&self.meshes[bin - analytic]);
-                    let table = match kept {
-                        Some(_) => None,
-                        None => Some(mesh_table(mesh, instances, meshes)?),
-                    };
-                    let area = kept.or_else(|| Some(table.as_ref()?.0.area))?;
-                    if table.is_some() || !mesh.has_records_of(old) {
-                        changed.push(ChangedMesh { bin, mesh, table });
-                    }
-                    (mesh.bin(self.groups[bin].first), mesh.power(area))
-                }
-                _ => return None,
-            };
-            let GpuLight { pmf, alias_probability, alias_index, .. } = self.records[bin];
-            let counterpart_or_mesh = self.groups[bin].first;
-            records.push(GpuLight { pmf, alias_probability, alias_index, counterpart_or_mesh, ..record });
-            powers.push(power);
-        }
-        (records.len() == count).then_some(NextBins { records, powers, changed })
-    }
-
-    /// Whether the table has this content.
-    pub(super) fn has(&self, bins: &NextBins) -> bool {
-        let is_same = |(new, old): (&GpuLight, &GpuLight)| {
-            GpuLight { counterpart_or_mesh: old.counterpart_or_mesh, ..*new } == *old
+    /// Makes a table beside that of the last frame, and retires the ranges that only the last one uses.  Sets the first lights of the
+    /// instances.
+    pub(super) fn after(
+        last: &Self,
+        next: NextTable,
+        records: &mut LightRecords,
+        instances: &mut InstancePool,
+    ) -> Self {
+        let NextTable { groups, powers, analytic, meshes, before, .. } = next;
+        let (choice, power, environment_limit) = if groups == last.groups && powers == last.powers {
+            (last.choice.clone(), last.power, last.environment_limit)
+        } else {
+            choice_by_power(&powers, &analytic)
         };
-        let mut pairs = bins.records.iter().zip(&self.records);
-        bins.changed.is_empty() && bins.powers == self.powers && pairs.all(is_same)
+        let place = records.allocate((groups.len() as u32).next_multiple_of(BINS_STEP));
+        let last_meshes = before[analytic.len()..].iter().map(|bin| bin.map(|bin| last.mesh_of(bin)));
+        let pairs = meshes.into_iter().zip(last_meshes);
+        let meshes = pairs.map(|(next, last)| MeshLights::after(last, next, records)).collect();
+        let table = Self { place, groups, powers, analytic, meshes, choice, power, environment_limit };
+        table.link(last, &before, records, instances);
+        table
     }
 
-    /// Replaces the bins, and the triangles of those that have changed.  Returns the number of triangles whose areas were computed.
-    pub(super) fn replace(&mut self, bins: NextBins) -> u64 {
-        let analytic = self.analytic_count();
-        let mut computed = 0;
-        self.records[..bins.records.len()].copy_from_slice(&bins.records);
-        for ChangedMesh { bin, mesh, table } in bins.changed {
-            let triangles = &mut self.records[triangles_of(&self.groups[bin])];
-            let entries = match table {
-                Some((table, entries)) => {
-                    computed += entries.len() as u64;
-                    self.meshes[bin - analytic] = table;
-                    entries
-                }
-                None => triangles.iter().map(AliasEntry::from).collect(),
-            };
-            for (record, light) in triangles.iter_mut().zip(mesh.lights(bin as u32, entries)) {
-                *record = light;
+    /// Links both tables, so that each light is found in the other one.  `before`: for each bin, that of the last table with the same lights.
+    fn link(&self, last: &Self, before: &[Option<usize>], records: &mut LightRecords, instances: &mut InstancePool) {
+        let after = groups_after(before, last.groups.len());
+        let id_before = |bin: usize| match is_planted(Fault::LightNotRemapped) {
+            true => Some(self.first_light(bin)),
+            false => before[bin].map(|bin| last.first_light(bin)),
+        };
+        self.write_bins(id_before, records);
+        last.write_bins(|bin| after[bin].map(|bin| self.first_light(bin)), records);
+        records.retire(last.place.clone());
+        // A slot that has another owner now has no light before that owner sets it.
+        for (mesh, bin) in last.meshes.iter().zip(&after[last.analytic.len()..]) {
+            let next = bin.map(|bin| self.mesh_of(bin));
+            if next.is_none_or(|next| next.place != mesh.place) {
+                records.write(mesh.place.start, &[header(NONE, next)]);
+                records.retire(mesh.place.clone());
+                instances.set_first_light(mesh.source.slot, NONE);
             }
         }
-        if bins.powers != self.powers {
-            self.powers = bins.powers;
-            self.write_selection_probabilities();
-        }
-        computed
-    }
-
-    /// Computes the choice of a bin from the powers.
-    pub(super) fn write_selection_probabilities(&mut self) {
-        let mut powers = self.powers.clone();
-        self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
-        let kind = |bin: usize| self.records[bin].kind & LIGHT_KIND_BITS;
-        self.environment_limit =
-            balance_distant_lights(&mut powers, |bin| matches!(kind(bin), LIGHT_SUN | LIGHT_DIRECTIONAL));
-        match alias_table(&powers) {
-            Some(entries) => {
-                for (light, entry) in self.records.iter_mut().zip(entries) {
-                    light.pmf = entry.pmf;
-                    light.alias_probability = entry.probability;
-                    light.alias_index = entry.alias;
-                }
+        for ((mesh, bin), index) in self.meshes.iter().zip(&before[self.analytic.len()..]).zip(0..) {
+            let last = bin.map(|bin| last.mesh_of(bin));
+            records.write(mesh.place.start, &[header(index, last)]);
+            if last.is_none_or(|last| last.place != mesh.place) {
+                instances.set_first_light(mesh.source.slot, mesh.triangles().start);
             }
-            // Nothing emits: `count` reports an empty table, so shaders select nothing from it.
-            None => self.power = 0.0,
         }
     }
 
-    /// The bins.
-    pub(super) fn bins(&self) -> &[GpuLight] {
-        &self.records[..self.groups.len()]
+    /// Writes the bins.  `other_id`: the id that the light of a bin has in the other frame.
+    fn write_bins(&self, other_id: impl Fn(usize) -> Option<u32>, records: &mut LightRecords) {
+        let analytic = self.analytic.iter().enumerate();
+        let analytic = analytic.map(|(bin, light)| GpuLight { link: other_id(bin).unwrap_or(NONE), ..*light });
+        // The headers of instances have their ids in the other frame.
+        let meshes = self.meshes.iter().map(|mesh| {
+            let data = [mesh.triangles().start, mesh.source.count];
+            GpuLight { kind: LIGHT_MESH, link: NONE, data, ..Default::default() }
+        });
+        let with_choice = |(light, entry): (GpuLight, &AliasEntry)| GpuLight {
+            pmf: entry.pmf,
+            alias_probability: entry.probability,
+            alias_index: entry.alias,
+            ..light
+        };
+        let bins: Vec<GpuLight> = analytic.chain(meshes).zip(&self.choice).map(with_choice).collect();
+        records.write(self.place.start, &bins);
     }
 
-    /// The triangles of a bin, which are not bins themselves.
-    pub(super) fn triangles(&self, bin: usize) -> &[GpuLight] {
-        &self.records[triangles_of(&self.groups[bin])]
+    /// Places of the bins; `None` if nothing can be selected from them.
+    pub(super) fn bins(&self) -> Option<Range<u32>> {
+        (self.power > 0.0).then(|| self.place.start..self.place.start + self.groups.len() as u32)
     }
 
-    /// Number of analytic lights, which have the first bins.
-    pub(super) fn analytic_count(&self) -> usize {
-        self.groups.iter().take_while(|group| group.owner.kind != LIGHT_TRIANGLE).count()
+    /// Id of the first light of a bin.
+    pub(super) fn first_light(&self, bin: usize) -> u32 {
+        match bin.checked_sub(self.analytic.len()) {
+            Some(mesh) => self.meshes[mesh].triangles().start,
+            None => self.place.start + bin as u32,
+        }
+    }
+
+    /// The instance of a bin, which is not that of an analytic light.
+    fn mesh_of(&self, bin: usize) -> &MeshLights {
+        &self.meshes[bin - self.analytic.len()]
     }
 
     /// Number of lights.
@@ -190,10 +235,46 @@ impl LightTable {
     }
 }
 
-/// Places in the table of the triangles of a group that are not bins themselves.
-pub(super) fn triangles_of(group: &Group) -> Range<usize> {
-    match group.count {
-        1 => 0..0,
-        count => group.first as usize..(group.first + count) as usize,
+impl MeshLights {
+    /// Gives an instance its range, that of the last frame if its triangles are the same, and writes the triangles that have changed.
+    fn after(last: Option<&Self>, next: NextMesh, records: &mut LightRecords) -> Self {
+        let NextMesh { source, table, entries } = next;
+        let kept = last.filter(|last| last.source == source).map(|last| last.place.clone());
+        let entries = match last {
+            Some(last) if kept.is_none() && entries.is_none() => {
+                Some(records.get(last.triangles()).iter().map(AliasEntry::from).collect())
+            }
+            _ => entries,
+        };
+        let place = kept.unwrap_or_else(|| records.allocate(1 + source.count));
+        if let Some(entries) = entries {
+            let lights: Vec<GpuLight> = source.lights(place.start, entries).collect();
+            records.write(place.start + 1, &lights);
+        }
+        Self { source, place, table }
+    }
+
+    /// Ids of the triangles.
+    pub(super) fn triangles(&self) -> Range<u32> {
+        self.place.start + 1..self.place.end
+    }
+}
+
+/// Header of the triangles of an instance.  `bin`: that of the instance, counted from the first bin of an instance.  `other`: the instance in
+/// the other frame.
+fn header(bin: u32, other: Option<&MeshLights>) -> GpuLight {
+    GpuLight { link: other.map_or(NONE, |other| other.triangles().start), data: [bin, 0], ..Default::default() }
+}
+
+/// The choice of a bin, the sum of the powers, and the largest probability of the environment beside them.
+fn choice_by_power(powers: &[f64], analytic: &[GpuLight]) -> (Vec<AliasEntry>, f64, f32) {
+    let power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
+    let mut balanced = powers.to_vec();
+    let is_distant = |light: &GpuLight| matches!(light.kind & LIGHT_KIND_BITS, LIGHT_SUN | LIGHT_DIRECTIONAL);
+    let environment_limit = balance_distant_lights(&mut balanced, |bin| analytic.get(bin).is_some_and(is_distant));
+    match alias_table(&balanced) {
+        Some(entries) => (entries, power, environment_limit),
+        // Nothing emits: without power, shaders select nothing from the table.
+        None => (vec![AliasEntry::default(); powers.len()], 0.0, environment_limit),
     }
 }

@@ -12,11 +12,16 @@ pub(crate) fn dirty_runs<T: PartialEq>(uploaded: &[T], new: &[T]) -> Vec<Range<u
 
 /// Runs that contain the given ascending indices.
 pub(crate) fn joined_runs(indices: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
+    joined(indices.map(|i| i..i + 1))
+}
+
+/// Runs that contain the given ranges, which are sorted by their starts.
+pub(crate) fn joined(ranges: impl Iterator<Item = Range<usize>>) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
-    for i in indices {
+    for range in ranges {
         match runs.last_mut() {
-            Some(last) if i < last.end + MIN_GAP => last.end = i + 1,
-            _ => runs.push(i..i + 1),
+            Some(last) if range.start < last.end + MIN_GAP => last.end = last.end.max(range.end),
+            _ => runs.push(range),
         }
     }
     runs
@@ -37,5 +42,6 @@ mod tests {
         assert_eq!(dirty_runs(&old, &new), vec![3..11, 80..81]);
         new.push(0);
         assert_eq!(dirty_runs(&old, &new).last(), Some(&(100..101)));
+        assert_eq!(joined([1..9, 2..4, 20..21, 60..70].into_iter()), vec![1..21, 60..70]);
     }
 }

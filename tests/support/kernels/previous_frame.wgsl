@@ -12,7 +12,7 @@
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::shift::reconnection::triangle_factor
-#import bevy_restir::scene::bindings::scene
+#import bevy_restir::scene::bindings::{lights, scene}
 #import bevy_restir::trace::trace::trace_closest_in_frame
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::render_layers::light_kind
@@ -74,30 +74,34 @@ fn quantity(ids: vec2<u32>, place: vec2<u32>, previous: bool, row: u32) -> vec3<
             return vec3<f32>(factor, min(pdf, 1.0e3), 0.0);
         }
         case 6u: {
-            return lights(s.position, previous, 0u);
+            return sum_over_lights(s.position, previous, 0u);
         }
         default: {
-            return lights(s.position, previous, 1u);
+            return sum_over_lights(s.position, previous, 1u);
         }
     }
 }
 
 // Sums over all lights, seen from a point.
-fn lights(from_point: vec3<f32>, previous: bool, which: u32) -> vec3<f32> {
+fn sum_over_lights(from_point: vec3<f32>, previous: bool, which: u32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    for (var light = 0u; light < scene.light_count; light++) {
-        // Such a record stands for all triangles of a mesh, which have records of their own.
-        if light_kind(light) == LIGHT_MESH {
-            continue;
-        }
-        let l = light_point_at(LightPoint(light, 0x50003000u), from_point, previous);
-        if which == 0u {
-            sum += l.radiance * (1.0 + abs(l.wi.x));
-        } else {
-            // The probability of a light is that of this frame in both.
-            let is_chosen_alike = light_pmf(l.light) == light_pmf(light);
-            sum += vec3<f32>(min(l.pdf_solid_angle, 1.0e3), min(l.distance, 1.0e3), select(0.0, l.pdf_scale, is_chosen_alike));
+    for (var bin = scene.first_bin; bin < scene.first_bin + scene.light_bins; bin++) {
+        // The bin of a mesh stands for all its triangles.
+        let is_mesh = light_kind(bin) == LIGHT_MESH;
+        let first = select(bin, lights[bin].data.x, is_mesh);
+        for (var light = first; light < first + select(1u, lights[bin].data.y, is_mesh); light++) {
+            sum += value_of_light(light, from_point, previous, which);
         }
     }
     return sum;
+}
+
+fn value_of_light(light: u32, from_point: vec3<f32>, previous: bool, which: u32) -> vec3<f32> {
+    let l = light_point_at(LightPoint(light, 0x50003000u), from_point, previous);
+    if which == 0u {
+        return l.radiance * (1.0 + abs(l.wi.x));
+    }
+    // The probability of a light is that of this frame in both.
+    let is_chosen_alike = light_pmf(l.light) == light_pmf(light);
+    return vec3<f32>(min(l.pdf_solid_angle, 1.0e3), min(l.distance, 1.0e3), select(0.0, l.pdf_scale, is_chosen_alike));
 }
