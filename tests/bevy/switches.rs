@@ -55,6 +55,25 @@ fn another_environment_image_needs_no_memory_for_the_view() {
     rig.assert_sound();
 }
 
+/// The samples of the last frame have the light of the old pixels.
+#[test]
+fn an_edited_image_of_the_environment_restarts_the_history() {
+    let Some(mut rig) = Rig::new(16, 12) else { return };
+    rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    let map = |value| texture(4, 2, |_, _| [value, value, value, 255]);
+    let image = rig.add::<Image>(map(60));
+    rig.insert(rig.camera, RestirEnvironment { image: Some(image.clone()), ..sky(0.3) });
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.picture(3);
+    let before = resets(&rig, "environment");
+    rig.frames(2);
+    assert_eq!(resets(&rig, "environment"), before, "a still sky");
+    rig.edit(&image, |image| *image = map(255));
+    rig.frames(4);
+    assert_eq!(resets(&rig, "environment"), before + 1, "an edited sky");
+    rig.assert_sound();
+}
+
 /// Changes a camera's environment, and asserts that the corner of each frame has one of two radiances: first the old one, then the new one.
 fn assert_replaced(rig: &mut Rig, environment: impl Bundle, [old, new]: [f32; 2]) {
     let is = |got: f32, wanted: f32| (got - wanted).abs() < 1e-3 * wanted;

@@ -388,3 +388,29 @@ fn an_object_of_another_camera_that_comes_back_restarts_no_history() {
     let first = appear(&mut rig);
     assert_eq!(appear(&mut rig), first);
 }
+
+/// It keeps its place in the table of lights, whose records are replaced.
+#[test]
+fn a_light_that_becomes_brighter_stays_hidden_from_other_cameras() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, orthographic(0.1, 0.1));
+    rig.set(|restir| restir.accumulate = true);
+    sun(&mut rig);
+    floor(&mut rig, 0.5);
+    let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
+    rig.spawn_bundle((
+        Camera3d::default(),
+        Camera { order: 1, ..default() },
+        RenderTarget::Image(ImageRenderTarget::from(image)),
+        RenderLayers::layer(1),
+        plain(),
+    ));
+    let other = rig.spawn_bundle((DirectionalLight::default(), Transform::default(), RenderLayers::layer(1)));
+    for illuminance in [1.0, 10.0, 20.0] {
+        rig.get_mut::<DirectionalLight>(other).illuminance = illuminance;
+        // Whether a sample chooses the visible sun is random.
+        let mean = rig.picture(32).mean();
+        assert!((mean - 1.0).abs() < 0.15, "{mean} beside a sun of {illuminance} lux for another camera");
+    }
+    rig.assert_sound();
+}

@@ -323,6 +323,11 @@ fn a_material_may_change_its_uv_transform_and_uv_channel() {
     check(&mut rig, "flipped", linear(0, 0));
     rig.edit(&material, |m| m.uv_transform = Affine2::from_scale(Vec2::splat(f32::NAN)));
     check(&mut rig, "no transform", linear(0, 1));
+    // A turn in the other direction would choose a texel on the right.
+    let turn = Affine2::from_angle_translation(core::f32::consts::FRAC_PI_2, Vec2::new(1.0, 0.0));
+    rig.edit(&material, |m| m.uv_transform = turn);
+    check(&mut rig, "turned", linear(0, 0));
+    rig.edit(&material, |m| m.uv_transform = Affine2::IDENTITY);
     // A mesh without second coordinates uses its first.
     let mesh = rig.add::<Mesh>(square(4.0));
     rig.insert(entity, Mesh3d(mesh));

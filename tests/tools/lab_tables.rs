@@ -15,13 +15,14 @@ fn figures(table: &str, label: &str) -> Vec<Vec<f64>> {
     table.lines().filter_map(|line| Some(numbers(line.split_once(&format!(",{label},"))?.1))).collect()
 }
 
-/// A closed room whose walls glow has the light of a geometric series, whatever its bounces and its height.
+/// A closed room whose walls glow has the light of a geometric series, whatever its bounces and its height, and a plane under a sun has that of
+/// a closed form.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn extremes_have_a_row_for_each_value() {
     let Some(folder) = Folder::new("extremes") else { return };
     let short = ["--size", "16x16", "--seeds", "4", "--frames", "4", "--techniques", "reference,di", "--out", "tables"];
-    folder.lab(&[&["extremes", "--axes", "bounces,gap"], &short[..]].concat()).succeeded();
+    folder.lab(&[&["extremes", "--axes", "bounces,gap,sun"], &short[..]].concat()).succeeded();
     let table = fs::read_to_string(folder.path("tables/extremes.csv")).expect("the table was written");
     let exact = [
         "1 bounce",
@@ -32,6 +33,8 @@ fn extremes_have_a_row_for_each_value() {
         "32 bounces",
         "64 bounces",
         "room 0.1 m high",
+        "sun at 45°",
+        "sun at 0.1°",
     ];
     for label in exact {
         // The last two rows with this label: the first may be among those that differ.
