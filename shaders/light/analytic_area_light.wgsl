@@ -30,9 +30,6 @@ struct RaySegment {
 const STACK_SIZE: u32 = 16u;
 // A bound on the loop, for the same reason as in `trace/software.wgsl`.
 const MAX_STEPS: u32 = 2048u;
-// The groups of nodes that wait.  A variable of the module, for the same reason as there: one of the function would be filled with zeros for
-// every call.
-var<private> stack: array<vec2<u32>, STACK_SIZE>;
 
 // Least id, from `first` on, of a light that the segment hits; NONE if there is no further one.  The traversal is not shared with
 // `trace/software.wgsl`: it has one level, and hits do not shorten the segment.  WGSL has no function pointers: sharing would add a
@@ -52,6 +49,9 @@ fn next_light_hit(segment: RaySegment, first: u32) -> u32 {
     }
     let tree = tree_ray(segment.origin, segment.direction);
     let max_distance = segment.length * (1.0 + DISTANCE_TOLERANCE);
+    // Not a variable of the module, as in `trace/software.wgsl`: a stack this small lies in registers, which it would then hold for the whole
+    // program (Mesa's compiler for RDNA 2: 32 more).
+    var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;
     var children = vec2<u32>(scene.shapes_root, ROOT_HIT);
     var primitives = vec2<u32>(0u);
