@@ -9,8 +9,8 @@ struct Ray {
     t_max: f32,
 }
 
-// The result of tracing a ray.  A miss has `instance` = NONE, and `t` is the ray's t_max.  `triangle` is an index into `triangles` and
-// `attributes`.  `barycentrics` are the weights of the second and third corner.
+// The result of tracing a ray.  A miss has `instance` = NONE, and `t` is the ray's t_max.  `triangle` is an index into `triangles`, as of
+// this frame (`stored_triangle`).  `barycentrics` are the weights of the second and third corner.
 struct Hit {
     t: f32,
     instance: u32,

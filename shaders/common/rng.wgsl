@@ -54,7 +54,7 @@ fn seeded(stream: u32, seed: u32) -> u32 {
 
 // The numbers of a pixel in a frame.
 fn rng_new(pixel: vec2<u32>, frame: u32, stream: u32, seed: u32) -> Rng {
-    return rng_of_key(pixel.y << 16u | pixel.x, frame, stream, seed);
+    return rng_of_key((pixel.y << 16u) | pixel.x, frame, stream, seed);
 }
 
 // The numbers of anything that has a number of its own: a path, a light sub-path, a reservoir.

@@ -77,7 +77,7 @@ fn refit_node(body: Body, node: u32) {
         }
     }
     let at = (body.node + node) * 5u;
-    nodes[at] = vec4<u32>(bitcast<vec3<u32>>(all.low), exponent.x | exponent.y << 8u | exponent.z << 16u | inner << 24u);
+    nodes[at] = vec4<u32>(bitcast<vec3<u32>>(all.low), exponent.x | (exponent.y << 8u) | (exponent.z << 16u) | (inner << 24u));
     nodes[at + 1u] = vec4<u32>(body.node + first_child, body.triangle + first_triangle, links.zw);
     for (var axis = 0u; axis < 3u; axis += 1u) {
         let first = 4u * axis;

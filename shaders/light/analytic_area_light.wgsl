@@ -49,6 +49,8 @@ fn next_light_hit(segment: RaySegment, first: u32) -> u32 {
     }
     let tree = tree_ray(segment.origin, segment.direction);
     let max_distance = segment.length * (1.0 + DISTANCE_TOLERANCE);
+    // Not a variable of the module, as in `trace/software.wgsl`: a stack this small lies in registers, which it would then hold for the whole
+    // program (Mesa's compiler for RDNA 2: 32 more).
     var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;
     var children = vec2<u32>(scene.shapes_root, ROOT_HIT);

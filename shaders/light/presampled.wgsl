@@ -75,7 +75,7 @@ fn with_radiance(s: PresampledLight, radiance: vec3<f32>, flags: u32) -> Presamp
     packed.radiance_scale = max_component(radiance);
     let shares = 1023.0 * clamp(radiance / max(packed.radiance_scale, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0));
     let share = select(vec3<u32>(shares + 0.5), vec3<u32>(1u), (radiance > vec3<f32>(0.0)) & (shares < vec3<f32>(1.0)));
-    packed.color = share.x | share.y << 10u | share.z << 20u | flags;
+    packed.color = share.x | (share.y << 10u) | (share.z << 20u) | flags;
     return packed;
 }
 

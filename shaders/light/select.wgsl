@@ -36,7 +36,7 @@ fn light_select(u: vec2<f32>) -> LightChoice {
     let bits = vec2<u32>(u * 0x1p24);
     let more = pcg4d(vec4<u32>(bits, 0u, 0u));
     // The 24 bits of u.x alone would bias the choice in a long table by up to count/2^24.
-    let word = bits.x << 8u | more.x >> 24u;
+    let word = (bits.x << 8u) | (more.x >> 24u);
     let bin = scene.first_bin + multiply_high(word, scene.light_bins);
     // The 24 bits of u.y alone would round the probability of a dim light up.
     let v = ((u.y - environment) + f32(more.y) * 0x1p-56) / (1.0 - environment);
@@ -124,7 +124,7 @@ fn multiply_high(a: u32, b: u32) -> u32 {
     let ah = a >> 16u;
     let bl = b & 0xffffu;
     let bh = b >> 16u;
-    let middle = ah * bl + (al * bl >> 16u);
+    let middle = ah * bl + ((al * bl) >> 16u);
     let low = al * bh + (middle & 0xffffu);
     return ah * bh + (middle >> 16u) + (low >> 16u);
 }

@@ -87,7 +87,8 @@ fn image_of(ids: vec2<u32>, pixel: vec2<u32>) -> Image {
     // The albedo is sum + tint * that of the next surface.  Light from other directions counts as that of a white surface: it may be brighter
     // than all that a dark image reflects.
     let specular = max(albedo.specular, seen.tint);
-    var tint = seen.tint / max(specular, vec3<f32>(1.0e-6));
+    // The quotient may exceed 1 by rounding, and an albedo below 0 has no square root (`image_pack`).
+    var tint = min(seen.tint / max(specular, vec3<f32>(1.0e-6)), vec3<f32>(1.0));
     var sum = 1.0 - tint;
     var roughest = 0.0;
     for (var i = 0u; i < MAX_SURFACES && seen.exists; i++) {

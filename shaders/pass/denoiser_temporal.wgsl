@@ -38,6 +38,11 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let ids = textureLoad(visibility, pixel, 0).xy;
     let before = previous_pixel_shape(ids, pixel);
+    // Computed here, so that no shape takes registers during the loops below.
+    var reflection_frames = 0.0;
+    if !own.shows_image {
+        reflection_frames = specular_frames(own.roughness, pixel_shape(ids, pixel, false), before);
+    }
     let last = last_place(own, before.position, false);
     let around = neighborhoods(pixel, own, last);
     average(pixel, DIFFUSE, last, around[DIFFUSE], f32(settings.history));
@@ -46,8 +51,7 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
         let last_of_image = last_place(image, textureLoad(last_places, pixel, 0).xyz, true);
         average(pixel, SPECULAR, last_of_image, neighborhoods(pixel, image, last_of_image)[SPECULAR], f32(settings.history));
     } else {
-        let now = pixel_shape(ids, pixel, false);
-        average(pixel, SPECULAR, last, around[SPECULAR], specular_frames(own.roughness, now, before));
+        average(pixel, SPECULAR, last, around[SPECULAR], reflection_frames);
     }
 }
 
@@ -158,7 +162,8 @@ const QUADS: u32 = 3u;
 
 fn neighborhoods(pixel: vec2<u32>, own: Guide, place: LastPlace) -> array<Neighborhood, 2> {
     let empty = Neighborhood(0.0, vec2<f32>(0.0), vec2<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    var sums = array<Neighborhood, 2>(empty, empty);
+    var diffuse = empty;
+    var specular = empty;
     let last_pixel = vec2<i32>(round(place.at));
     for (var i = 0u; i < QUADS * QUADS; i++) {
         let corner = 2 * vec2<i32>(vec2<u32>(i % QUADS, i / QUADS)) - i32(QUADS);
@@ -170,12 +175,14 @@ fn neighborhoods(pixel: vec2<u32>, own: Guide, place: LastPlace) -> array<Neighb
             showed[j] = shows[j] && showed_surface(place, last_pixel + offset);
         }
         // The specular light of a mirror is compared at its optical image, and its diffuse light at its surface.
-        let last_kind = select(SPECULAR, DIFFUSE, own.shows_image && !place.is_image);
-        for (var kind = select(DIFFUSE, SPECULAR, place.is_image); kind <= last_kind; kind++) {
-            sums[kind] = with_quad(sums[kind], vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, kind);
+        if !place.is_image {
+            diffuse = with_quad(diffuse, vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, DIFFUSE);
+        }
+        if place.is_image || !own.shows_image {
+            specular = with_quad(specular, vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, SPECULAR);
         }
     }
-    return sums;
+    return array<Neighborhood, 2>(diffuse, specular);
 }
 
 fn shows_surface(own: Guide, is_image: bool, pixel: vec2<i32>, offset: vec2<i32>) -> bool {

@@ -150,7 +150,7 @@ fn enqueue(pixel: vec2<u32>, deferred: u32, thread: u32) {
     workgroupBarrier();
     if deferred != 0u {
         let entry = QUEUE_HEADER + 2u * (first + index);
-        atomicStore(&queue[entry], pixel.x | pixel.y << COORDINATE_BITS);
+        atomicStore(&queue[entry], pixel.x | (pixel.y << COORDINATE_BITS));
         atomicStore(&queue[entry + 1u], deferred);
     }
 }

@@ -75,7 +75,7 @@ fn next_pair(pixel: vec2<u32>, own: u32, slots: ptr<function, u32>) -> Pair {
 }
 
 fn has_slot(mask: u32, slot: u32) -> bool {
-    return (mask >> slot & 1u) != 0u;
+    return ((mask >> slot) & 1u) != 0u;
 }
 
 // Number of a mask's slots before this one.

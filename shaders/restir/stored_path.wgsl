@@ -40,12 +40,12 @@ fn path_pack(r: Reservoir) -> PackedPath {
     let confidence = u32(select(0.0, min(r.confidence, CONFIDENCE_MAX), is_confidence) * 16.0 + 0.5);
     let b = encode_barycentrics(s.barycentrics);
     return PackedPath(
-        s.termination | s.length << 3u | s.reconnection << 10u | s.lobe_before << 17u | s.lobe_after << 20u,
-        (s.born & 0xffffu) | b.x << 16u,
+        s.termination | (s.length << 3u) | (s.reconnection << 10u) | (s.lobe_before << 17u) | (s.lobe_after << 20u),
+        (s.born & 0xffffu) | (b.x << 16u),
         vec3<u32>(
-            (s.instance & INSTANCE_BITS) | (b.x >> 16u) << 24u,
-            (s.triangle & TRIANGLE_BITS) | (confidence >> 8u) << 28u,
-            b.y | confidence << 24u,
+            (s.instance & INSTANCE_BITS) | ((b.x >> 16u) << 24u),
+            (s.triangle & TRIANGLE_BITS) | ((confidence >> 8u) << 28u),
+            b.y | (confidence << 24u),
         ),
         octahedral_encode(s.wi),
     );
@@ -55,16 +55,16 @@ fn path_pack(r: Reservoir) -> PackedPath {
 fn path_unpack(p: PackedPath) -> Reservoir {
     var s = no_path_sample();
     s.termination = p.structure & 7u;
-    s.length = p.structure >> 3u & 127u;
-    s.reconnection = p.structure >> 10u & 127u;
-    s.lobe_before = p.structure >> 17u & 7u;
-    s.lobe_after = p.structure >> 20u & 7u;
+    s.length = (p.structure >> 3u) & 127u;
+    s.reconnection = (p.structure >> 10u) & 127u;
+    s.lobe_before = (p.structure >> 17u) & 7u;
+    s.lobe_after = (p.structure >> 20u) & 7u;
     s.born = p.birth & 0xffffu;
     s.instance = index_or_none(p.vertex.x & INSTANCE_BITS, INSTANCE_BITS);
     s.triangle = index_or_none(p.vertex.y & TRIANGLE_BITS, TRIANGLE_BITS);
-    s.barycentrics = decode_barycentrics(vec2<u32>((p.birth >> 16u) | (p.vertex.x >> 24u) << 16u, p.vertex.z & 0xffffffu));
+    s.barycentrics = decode_barycentrics(vec2<u32>((p.birth >> 16u) | ((p.vertex.x >> 24u) << 16u), p.vertex.z & 0xffffffu));
     s.wi = octahedral_decode(p.direction);
-    let confidence = (p.vertex.z >> 24u) | (p.vertex.y >> 28u) << 8u;
+    let confidence = (p.vertex.z >> 24u) | ((p.vertex.y >> 28u) << 8u);
     return Reservoir(s, 0.0, f32(confidence) / 16.0, true);
 }
 
@@ -83,14 +83,14 @@ fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
     let exponent = (bitcast<u32>(greatest) >> 23u) + 1u;
     let scale = bitcast<f32>((272u - exponent) << 23u);
     let m = min(vec3<u32>(max(c, vec3<f32>(0.0)) * scale + 0.5), vec3<u32>(0x3ffffu));
-    return vec2<u32>(m.x | m.y << 18u, m.y >> 14u | m.z << 4u | exponent << 22u);
+    return vec2<u32>(m.x | (m.y << 18u), (m.y >> 14u) | (m.z << 4u) | (exponent << 22u));
 }
 
 fn unpack_radiance(w: vec2<u32>) -> vec3<f32> {
-    let exponent = w.y >> 22u & 0xffu;
+    let exponent = (w.y >> 22u) & 0xffu;
     if exponent < 19u {
         return vec3<f32>(0.0);
     }
-    let m = vec3<u32>(w.x & 0x3ffffu, (w.x >> 18u | w.y << 14u) & 0x3ffffu, w.y >> 4u & 0x3ffffu);
+    let m = vec3<u32>(w.x & 0x3ffffu, ((w.x >> 18u) | (w.y << 14u)) & 0x3ffffu, (w.y >> 4u) & 0x3ffffu);
     return vec3<f32>(m) * bitcast<f32>((exponent - 18u) << 23u);
 }

@@ -61,6 +61,7 @@ fn corner_tangents(stored: u32) -> CornerTangents {
     }
     let n = corner_normals(stored);
     let along = uv_directions(corners_of(stored), corner_uvs(stored));
+    // Texture coordinates without an area have no direction.  Any tangent will do: `perpendicular` makes one for the normal itself.
     let is_unmapped = all(along.u == vec3<f32>(0.0));
     let tangents = Corners(
         select(given.a, perpendicular(select(along.u, n.a, is_unmapped), n.a), is_missing.x),

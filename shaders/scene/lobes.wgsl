@@ -8,17 +8,17 @@
 #import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::material::MaterialPoint
 
-// Directions of a surface that optional lobes need.
-struct LobeFrame {
-    coat_normal: vec3<f32>,    // normal of the clearcoat, on wo's side once `with_lobes` gets it; before, the interpolated normal
-    tangent: vec3<f32>,        // tangent and bitangent of the mesh
+// The tangent space of a mesh at a point.
+struct TangentFrame {
+    normal: vec3<f32>,         // interpolated, without a normal map
+    tangent: vec3<f32>,
     bitangent: vec3<f32>,
 }
 
-// Adds all optional parts to `b`.  `wo` is on the side of its normals.
-fn with_lobes(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+// Adds all optional parts to `b`.  `wo` is on the side of its normals and of `coat_normal`.
+fn with_lobes(b: Bsdf, point: MaterialPoint, frame: TangentFrame, coat_normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
     let base = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, point, frame, wo), point), point);
-    return with_coat(base, point, frame.coat_normal, wo);
+    return with_coat(base, point, coat_normal, wo);
 }
 
 // The lobes of a surface as seen from `wo`, which may lie on the side opposite to the normals of `b`.
@@ -62,7 +62,7 @@ fn with_coat(b: Bsdf, point: MaterialPoint, normal: vec3<f32>, wo: vec3<f32>) ->
 #ifdef ANISOTROPY
 // α along the tangent is mix(α, 1, strength²), and α across it (KHR_materials_anisotropy).  The lobe is a delta if both are below
 // ALPHA_DELTA; if only one is, it is raised to ALPHA_DELTA, as the precision of f32 demands.
-fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: TangentFrame, wo: vec3<f32>) -> Bsdf {
     let direction = point.anisotropy_direction;
     let strength = point.anisotropy_strength;
     var a = b;
@@ -95,7 +95,7 @@ fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
     return select(orthonormal_basis(n)[0], t * inverseSqrt(max(t2, 1.0e-30)), t2 > 1.0e-8);
 }
 #else
-fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: TangentFrame, wo: vec3<f32>) -> Bsdf {
     return b;
 }
 

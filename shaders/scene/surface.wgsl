@@ -9,7 +9,7 @@
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::corners::{corner_normals, corner_tangents}
 #import bevy_restir::scene::directional_albedo::multiple_scattering
-#import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
+#import bevy_restir::scene::lobes::{TangentFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::subsurface::subsurface_at
@@ -36,11 +36,11 @@ fn interpolated(corners: Corners, barycentrics: vec2<f32>) -> vec3<f32> {
 
 // Tangent space by MikkTSpace: the tangent is interpolated, and the bitangent is cross(n, t) without orthogonalization.  `n` is the
 // interpolated normal, and `stored` the place of the triangle (`stored_triangle`).
-fn tangent_frame(m: mat3x4<f32>, mirrored: bool, stored: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
+fn tangent_frame(m: mat3x4<f32>, mirrored: bool, stored: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> TangentFrame {
     let corners = corner_tangents(stored);
     let t = safe_normalize(transform_vector(m, interpolated(corners.tangents, barycentrics)));
     let handedness = select(1.0, -1.0, corners.flipped != mirrored);
-    return LobeFrame(n, t, handedness * cross(n, t));
+    return TangentFrame(n, t, handedness * cross(n, t));
 }
 
 #ifdef NORMAL_MAPS
@@ -59,15 +59,15 @@ fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, stored: u32,
 
 // Normal of the coat: the interpolated normal, unless the coat has a normal map of its own.
 #ifdef LAYER_TEXTURES
-fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
+fn mapped_coat_normal(mapped: vec3<f32>, frame: TangentFrame) -> vec3<f32> {
     if all(mapped == vec3<f32>(0.0, 0.0, 1.0)) {
-        return frame.coat_normal;
+        return frame.normal;
     }
-    return safe_normalize(mapped.x * frame.tangent + mapped.y * frame.bitangent + mapped.z * frame.coat_normal);
+    return safe_normalize(mapped.x * frame.tangent + mapped.y * frame.bitangent + mapped.z * frame.normal);
 }
 #else
-fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
-    return frame.coat_normal;
+fn mapped_coat_normal(mapped: vec3<f32>, frame: TangentFrame) -> vec3<f32> {
+    return frame.normal;
 }
 #endif
 
@@ -138,9 +138,9 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.transmission = point.specular_transmission;
     s.bsdf.eta = select(1.0 / ior, ior, front);
     s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
-    var frame = tangent_frame(m, mirrored, stored, barycentrics, smooth_n);
-    frame.coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
-    s.bsdf = with_lobes(s.bsdf, point, frame, wo);
+    let frame = tangent_frame(m, mirrored, stored, barycentrics, smooth_n);
+    let coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
+    s.bsdf = with_lobes(s.bsdf, point, frame, coat_normal, wo);
     let below = subsurface_at(instance, point.base_color, front, cone.width, s.offset);
     s.bsdf.subsurface = below.weight;
     s.radius = below.radius;

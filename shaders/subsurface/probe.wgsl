@@ -28,9 +28,14 @@ fn axis_probability(axis: u32) -> f32 {
     return select(0.25, 0.5, axis == 0u);
 }
 
+// Number of channels that scatter, at least 1.
+fn channel_count(radius: vec3<f32>) -> f32 {
+    return max(dot(vec3<f32>(1.0), select(vec3<f32>(0.0), vec3<f32>(1.0), radius > vec3<f32>(0.0))), 1.0);
+}
+
 // Probability of each channel: equal for all that scatter.
 fn channel_probability(radius: vec3<f32>) -> f32 {
-    return 1.0 / max(dot(vec3<f32>(1.0), select(vec3<f32>(0.0), vec3<f32>(1.0), radius > vec3<f32>(0.0))), 1.0);
+    return 1.0 / channel_count(radius);
 }
 
 // Greatest distance over which light scatters, m.
@@ -57,7 +62,8 @@ fn draw_probe(radius: vec3<f32>, u: vec3<f32>) -> Probe {
     let quarters = 4.0 * u.x;
     let axis = u32(max(floor(quarters) - 1.0, 0.0));
     let rest = select(fract(quarters), 0.5 * quarters, axis == 0u);
-    let count = 1.0 / channel_probability(radius);
+    // Not 1 / `channel_probability`: where division is not exact, that may be below 3, and the last channel would never be drawn.
+    let count = channel_count(radius);
     // The index among the channels that scatter.
     let index = u32(min(floor(rest * count), count - 1.0));
     var channel = 0u;

@@ -203,6 +203,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         tree = tree_ray(inside.origin, inside.direction);
         groups = root_group(instances[instance].blas_root, is_traced(instance));
     }
+    // Never reached, but naga wants it.
     return hit;
 }
 

@@ -47,8 +47,9 @@ fn sample_diffuse_share(b: Bsdf, wo: vec3<f32>, s: BsdfSample) -> vec3<f32> {
 
 // Diffuse share of light from wi that a surface scatters to wo by all of its lobes.  A channel without light has none.
 fn bsdf_diffuse_share(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    let share = bsdf_eval_lobe(b, wo, wi, LOBE_DIFFUSE) / bsdf_eval(b, wo, wi);
-    return select(vec3<f32>(0.0), min(share, vec3<f32>(1.0)), share >= vec3<f32>(0.0));
+    let total = bsdf_eval(b, wo, wi);
+    let share = bsdf_eval_lobe(b, wo, wi, LOBE_DIFFUSE) / total;
+    return select(vec3<f32>(0.0), min(share, vec3<f32>(1.0)), total > vec3<f32>(0.0));
 }
 #else
 const SPLITS_LIGHT: bool = false;
@@ -79,12 +80,12 @@ fn bsdf_diffuse_share(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
 // 30 is always set and bit 23 never: it is then neither subnormal nor NaN, which textures do not keep.
 fn pack_share(share: vec3<f32>) -> f32 {
     let v = vec3<u32>(clamp(share, vec3<f32>(0.0), vec3<f32>(1.0)) * 1023.0 + 0.5);
-    let bits = v.x | v.y << 10u | v.z << 20u;
-    return bitcast<f32>((bits & 0x7fffffu) | (bits >> 23u & 63u) << 24u | 0x40000000u | (bits >> 29u) << 31u);
+    let bits = v.x | (v.y << 10u) | (v.z << 20u);
+    return bitcast<f32>((bits & 0x7fffffu) | (((bits >> 23u) & 63u) << 24u) | 0x40000000u | ((bits >> 29u) << 31u));
 }
 
 fn unpack_share(word: f32) -> vec3<f32> {
     let w = bitcast<u32>(word);
-    let bits = (w & 0x7fffffu) | (w >> 24u & 63u) << 23u | (w >> 31u) << 29u;
+    let bits = (w & 0x7fffffu) | (((w >> 24u) & 63u) << 23u) | ((w >> 31u) << 29u);
     return vec3<f32>(vec3<u32>(bits, bits >> 10u, bits >> 20u) & vec3<u32>(1023u)) / 1023.0;
 }

@@ -132,22 +132,22 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the lobe after the reconnection is read from another field",
         "restir/stored_path.wgsl",
-        "s.lobe_after = p.structure >> 20u & 7u;",
-        "s.lobe_after = p.structure >> 17u & 7u;",
+        "s.lobe_after = (p.structure >> 20u) & 7u;",
+        "s.lobe_after = (p.structure >> 17u) & 7u;",
         &["packing_and_jacobian", "paths_return_unchanged_from_other_pixels"],
     ),
     mutant(
         "confidence loses its high bits",
         "restir/stored_path.wgsl",
-        "let confidence = (p.vertex.z >> 24u) | (p.vertex.y >> 28u) << 8u;",
+        "let confidence = (p.vertex.z >> 24u) | ((p.vertex.y >> 28u) << 8u);",
         "let confidence = p.vertex.z >> 24u;",
         &["packing_and_jacobian"],
     ),
     mutant(
         "the low bits of a channel of radiance are lost",
         "restir/stored_path.wgsl",
-        "m.y >> 14u | m.z << 4u",
-        "m.y >> 13u | m.z << 4u",
+        "(m.y >> 14u) | (m.z << 4u)",
+        "(m.y >> 13u) | (m.z << 4u)",
         &["packed_radiance_has_18_bits"],
     ),
     mutant(
@@ -181,8 +181,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "reservoirs of translucent bodies read the channel from another field",
         "restir/sss/reservoir.wgsl",
-        "min(p.structure >> 2u & 3u, 2u)",
-        "min(p.structure >> 4u & 3u, 2u)",
+        "min((p.structure >> 2u) & 3u, 2u)",
+        "min((p.structure >> 4u) & 3u, 2u)",
         &["light_in_bodies_returns_unchanged"],
     ),
 ];

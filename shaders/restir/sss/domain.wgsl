@@ -70,7 +70,7 @@ struct ShiftResult {
 struct Evaluated {
     f: vec3<f32>,              // contribution without visibility
     jacobian: f32,             // 0: the shift is not defined
-    is_lit: bool,              // the light edge is that of the stored sample, which is visible
+    is_lit: bool,              // the segment from x2 to the light is that of the stored sample, and so known to be free
     entry: Surface,
     light: LightSample,
     result: ShiftResult,
@@ -162,8 +162,8 @@ fn evaluate(r: Receiver, reservoir: Reservoir) -> Evaluated {
     let light = light_point_at(s.light, p.surface.position, r.previous);
     let f = contribution_of(p, light);
     let result = ShiftResult(hit.triangle, hit.barycentrics, s.probe, s.hit, p.density, luminance(f));
-    let keeps_edge = !replays && !has(RESAMPLE_MOVED);
-    return Evaluated(f, jacobian_of_shift(s.density, p.density, replays), keeps_edge, p.surface, light, result);
+    let is_lit = !replays && !has(RESAMPLE_MOVED);
+    return Evaluated(f, jacobian_of_shift(s.density, p.density, replays), is_lit, p.surface, light, result);
 }
 
 // Share of a sample's light that the receiver scatters diffusely: all that leaves a body.
@@ -186,7 +186,7 @@ fn jacobian_of(e: Evaluated) -> f32 {
     return e.jacobian;
 }
 
-// A reconnection keeps the edge to the light: it is tested again only where something moved.
+// A reconnection keeps the segment to the light: it is tested again only where something moved.
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return e.is_lit || light_is_visible(e.entry, e.light, alpha_seed, r.previous);
 }

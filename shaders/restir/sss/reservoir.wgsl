@@ -51,7 +51,7 @@ fn no_reservoir() -> Reservoir {
 
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let s = r.sample;
-    let structure = s.probe.axis | s.probe.channel << 2u | s.hit << 4u | u32(s.is_far) << 8u | s.alpha_seed << 9u;
+    let structure = s.probe.axis | (s.probe.channel << 2u) | (s.hit << 4u) | (u32(s.is_far) << 8u) | (s.alpha_seed << 9u);
     return PackedReservoir(
         s.light.light, s.light.coordinates, s.instance, s.triangle, s.barycentrics.x, s.barycentrics.y,
         s.probe.u_radius, s.probe.u_angle, structure,
@@ -70,10 +70,10 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     if !guard_holds(is_reservoir_sound, GUARD_RESERVOIR) {
         return no_reservoir();
     }
-    let probe = Probe(p.structure & 3u, min(p.structure >> 2u & 3u, 2u), p.u_radius, p.u_angle);
+    let probe = Probe(p.structure & 3u, min((p.structure >> 2u) & 3u, 2u), p.u_radius, p.u_angle);
     let sample = EntrySample(
         LightPoint(p.light, p.coordinates), p.instance, p.triangle, vec2<f32>(p.barycentric_x, p.barycentric_y), probe,
-        p.structure >> 4u & 15u, (p.structure & 256u) != 0u, p.structure >> 9u & 0xffffu, p.density, p.target_value,
+        (p.structure >> 4u) & 15u, (p.structure & 256u) != 0u, (p.structure >> 9u) & 0xffffu, p.density, p.target_value,
     );
     return Reservoir(sample, p.ucw, p.confidence, true);
 }
