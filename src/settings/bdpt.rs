@@ -25,7 +25,7 @@ pub enum LightTechniques {
 }
 
 /// MIS weights of camera paths that [`Technique::Bdpt`](super::Technique::Bdpt) shifts to another pixel or frame.  Light paths that the camera
-/// sees are replayed as a whole, with weights of their own in both variants.  (Hedstrom et al. 2025, 6.4; the paper copies weights between
+/// sees have weights of their own in both variants.  (Hedstrom et al. 2025, 6.4; the paper copies weights between
 /// pixels only, because it traces all paths of the last frame again.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -262,6 +262,20 @@ fn reconnected_light_paths_alone_find_all_light_of_a_diffuse_corner() {
     check_alone(&kinds()[3..4], &[("still", STILL), ("moving", MOVING)]);
 }
 
+/// The camera comes nearer in long steps.  The least footprint of a reconnection follows its distance.
+fn pose_dolly(rig: &mut Rig, step: u32) {
+    let away = (STEPS - step) as f32;
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3, 0.2, 4.0 + 1.5 * away).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+}
+
+/// Many paths have changed from one domain to the other since the last frame.  Both domains would count those that are kept.
+#[test]
+fn light_paths_of_the_last_frame_stay_in_their_domain() {
+    let often_replayed = Paths { footprint: 3.0, ..paths::all_reuse() };
+    check_alone(&[("both", often_replayed)], &[("dolly", Proof { pose: Some(&pose_dolly), ..MOVING })]);
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn reconnected_light_paths_alone_find_all_light_with_any_reuse() {
