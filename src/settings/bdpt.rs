@@ -55,8 +55,9 @@ pub struct Bdpt {
     pub techniques: LightTechniques,
     /// Light paths that the camera sees are reused in other pixels, too, if the two vertices next to the camera can be reconnected by the
     /// criteria of [`Paths::reconnection`](super::Paths::reconnection): light that scatters twice at rough surfaces.  All others, such as
-    /// caustics and light that scatters once, are reused from the last frame only.  Has no effect where the camera sees no light paths.  Costs
-    /// up to four passes and 160 bytes a pixel.  No bias.  Default off.
+    /// caustics and light that scatters once, are reused from the last frame only.  Has no effect where the camera sees no light paths.  Costs a
+    /// pass in which each pixel traces one of these light paths again, the passes of [`Paths::reuse`](super::Paths::reuse), and 160 bytes a
+    /// pixel.  No bias.  Default off.
     pub reconnect_light_paths: bool,
     /// MIS weights of shifted paths.  Default: [`ShiftedMis::Exact`].
     pub mis: ShiftedMis,
