@@ -227,6 +227,22 @@ mod tests {
     }
 
     #[test]
+    fn light_paths_are_reconnected_where_the_camera_sees_them() {
+        let passes = |techniques, reconnect_light_paths| {
+            let mut settings = Restir { technique: Technique::Bdpt, ..Default::default() };
+            settings.bdpt.techniques = techniques;
+            settings.bdpt.reconnect_light_paths = reconnect_light_paths;
+            let names = pass_names(&settings, SceneFeatures::empty());
+            names.iter().filter(|name| name.starts_with("reconnected")).count()
+        };
+        for techniques in [LightTechniques::Full, LightTechniques::Lightweight] {
+            assert_eq!(passes(techniques, false), 0, "{techniques:?}");
+            assert!(passes(techniques, true) > 2, "{techniques:?}");
+        }
+        assert_eq!(passes(LightTechniques::NoLightTracing, true), 0);
+    }
+
+    #[test]
     fn every_template_has_an_instance() {
         for (path, _) in MODULES.iter().filter(|(_, text)| is_template(text)) {
             assert!(shader_templates().iter().any(|(file, _)| *path == format!("pass/{file}.wgsl")), "{path}");
