@@ -2,18 +2,16 @@
 // Fig. 4; `restir/bdpt/last_edge.wgsl`).  It defines the functions that the resampling routine (`pass/reuse.wgsl`) calls.
 //
 // A sample is a light, the random numbers of a light sub-path up to x2, and a place in the image.  The measure is the counting measure of
-// lights times primary sample space times the area of the image in pixels.  A shift keeps the sub-path up to x2 and the place within the
-// pixel: x1 becomes the point that the camera sees at that place of the other pixel.  It translates the place by whole pixels, and so has the
-// Jacobian 1.  The contribution in this measure is that of the technique times its density in the image.  With p, the density of the
-// direction from x2 to x1 in solid angle, r, the length of the edge, and D, the density of camera rays in an area perpendicular to them at
-// x1, which are scattered by the angle c1 to the normal, that density is
+// lights times primary sample space times area in the image, in pixels.  A shift keeps the sub-path and the place within the pixel: x1
+// becomes the point that the camera sees there in the other pixel.  This moves the place by whole pixels, so that the Jacobian is 1.
 //
-//     p |cos at x1| / r² / (D |cos c1|).
+// In this measure, light sub-paths have the density p |cos θ'| / r² / (D |cos θ|), times their number.  p is the density of the direction from
+// x2 to x1 in solid angle, r the length of the edge, and D the density of camera rays at x1 in an area perpendicular to them; θ' and θ are the
+// angles of the edge and of the camera ray to the normal at x1.  The contribution is the value of a light sub-path (`restir/bdpt/splat.wgsl`)
+// times this density.  The number, p, D and cos θ cancel, and power f(x2) |cos at x2| f(x1) |cos θ'| / r² is left, times the MIS weight of
+// the shifted path.
 //
-// p, D and cos c1 cancel against the technique's own factors: the contribution is power times f(x2) times |cos at x2| times f(x1) times
-// |cos at x1| / r² times the MIS weight, whose densities are those of the shifted path.
-//
-// A sub-path that reaches x2 of the same scene does not change.  If something moved between two frames, it is replayed in the other one.
+// Within a frame the sub-path stays as it is.  If something moved between two frames, it is replayed in the other one.
 #define_import_path bevy_restir::restir::reconnected::domain
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
