@@ -323,6 +323,7 @@ pub const RESAMPLE_RETRACE_FORWARD: u32 = 65536;
 pub const RESAMPLE_RETRACE_BACKWARD: u32 = 131072;
 pub const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262_144;
 pub const RESAMPLE_INVERT_PROBES: u32 = 524_288;
+pub const RESAMPLE_RECONNECT_LIGHT_PATHS: u32 = 1_048_576;
 pub const RESAMPLE_DUAL_MOTION: u32 = 2_097_152;
 pub const RESAMPLE_NO_ROULETTE: u32 = 4_194_304;
 pub const RESAMPLE_STILL: u32 = 8_388_608;
@@ -367,6 +368,8 @@ pub const PATH_RESERVOIR_SIZE: u64 = 64;
 pub const BIDIRECTIONAL_RESERVOIR_SIZE: u64 = 64;
 /// Bytes of a reservoir of light sub-paths that the camera sees.
 pub const SPLAT_RESERVOIR_SIZE: u64 = 44;
+/// Bytes of a reservoir of such sub-paths that can be reconnected.
+pub const RECONNECTED_RESERVOIR_SIZE: u64 = 64;
 
 /// Texels of an entry of the light vertex cache, and entries of a row.
 pub const VERTEX_TEXELS: u32 = 3;

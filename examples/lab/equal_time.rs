@@ -275,7 +275,7 @@ fn is_of_paths(pass: &str) -> bool {
 
 /// Whether a pass traces light paths, or resamples those that the camera sees, as ReSTIR BDPT does.
 fn is_of_light_paths(pass: &str) -> bool {
-    pass == "light_paths" || pass.starts_with("splats")
+    pass == "light_paths" || pass.starts_with("splats") || pass.starts_with("reconnected")
 }
 
 /// The columns of Table 1 of Lin et al. 2026, supplement: a frame, initial candidates, temporal and spatial reuse, direct light and

@@ -102,7 +102,7 @@ fn merged(rest: Rest, s: Splat, events: u32, u: f32) -> Rest {
 // Adds an entry to the list of its pixel.
 fn insert(entry: u32, s: Splat, events: u32, multiplicity: f32) {
     let next = atomicExchange(&light_map[s.pixel], entry + 1u);
-    var words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity, s.diffuse));
+    var words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity, s.diffuse, s.reconnects));
     let at = word_of(entry + 1u);
     for (var i = 0u; i < SPLAT_WORDS; i++) {
         atomicStore(&light_map[at + i], words[i]);

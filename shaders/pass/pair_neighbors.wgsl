@@ -1,9 +1,9 @@
 // Finds the partners of each pixel that are similar to it, for paired spatial reuse: a mask of slots (`restir/pairs.wgsl`).
 
-#import domain::{PackedReservoir, receives_light, reservoir_unpack}
+#import domain::{PackedReservoir, reservoir_unpack}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::neighbors::are_similar
+#import bevy_restir::restir::neighbors::{are_similar, receives_light}
 #import bevy_restir::restir::pairs::{PAIR_IS_NEW, PAIR_SLOTS, partner_in_slot}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::types::RESAMPLE_HEURISTICS

@@ -25,6 +25,7 @@
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
 @group(2) @binding(3) var resampled_splats: texture_2d<f32>;
 @group(2) @binding(4) var resampled_subsurface: texture_2d<f32>;
+@group(2) @binding(5) var resampled_reconnected: texture_2d<f32>;
 
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -37,10 +38,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 #ifdef TO_DENOISER
-@group(2) @binding(5) var signals: texture_storage_2d_array<rgba32float, write>;
-@group(2) @binding(6) var guides: texture_storage_2d<rgba32uint, write>;
+@group(2) @binding(6) var signals: texture_storage_2d_array<rgba32float, write>;
+@group(2) @binding(7) var guides: texture_storage_2d<rgba32uint, write>;
 // Optical images; one empty texel where the scene has nothing smooth.
-@group(2) @binding(7) var images: texture_2d<u32>;
+@group(2) @binding(8) var images: texture_2d<u32>;
 
 // `scattered`: as `shown_light` returns it.
 fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
@@ -71,7 +72,7 @@ fn signal(light: vec3<f32>, albedo: vec3<f32>) -> vec4<f32> {
     return select(vec4<f32>(0.0, 0.0, 0.0, -1.0), vec4<f32>(without_albedo(light, albedo), 0.0), has_albedo(albedo));
 }
 #else
-@group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(2) @binding(6) var<storage, read_write> radiance: array<vec4<f32>>;
 
 fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
     let index = pixel_index(pixel);
@@ -88,7 +89,7 @@ fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
 // the pixel, on a surface that this ray has missed.
 fn scattered_light(pixel: vec2<u32>) -> vec4<f32> {
     return light_in(unresampled, pixel) + light_in(resampled_direct, pixel) + light_in(resampled_paths, pixel)
-        + subsurface_light(pixel) + light_in(resampled_splats, pixel);
+        + subsurface_light(pixel) + light_in(resampled_splats, pixel) + light_in(resampled_reconnected, pixel);
 }
 
 // Not every device defines reads outside of a texture.

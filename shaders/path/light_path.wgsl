@@ -15,7 +15,7 @@
 #import bevy_restir::light::emitted_ray::EmittedRay
 #import bevy_restir::light::select::light_select
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_light_start, mis_scatter, mis_scatter_delta, MisState}
-#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::path::medium::{absorbs, medium_towards, transmittance}
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::lobes::lobes_towards
@@ -33,6 +33,9 @@ struct LightWalk {
     throughput: vec3<f32>,     // power that arrives, over the density of the sub-path
     state: MisState,
     by_delta: bool,            // the vertex before scattered by a delta lobe
+    pdf: f32,                  // density of the direction that it scattered to, over all lobes; 0: a delta lobe, or there is no such vertex
+    normal_before: vec3<f32>,  // geometric normal there
+    is_clear: bool,            // neither the last ray nor the one before crossed a medium that is known to absorb
     start_power: f32,          // largest component of the power that the light emitted
     medium: vec3<f32>,         // absorption of the medium that the last ray crossed, 1/m
     open_distance: f32,        // length of the path in a medium that no surface has identified yet, m
@@ -130,6 +133,8 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
         return w;
     }
     w.by_delta = b.delta != 0u;
+    w.pdf = 0.0;
+    w.normal_before = s.bsdf.n_geo;
     let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
     let out = surface_towards(s, b.wi);
     if b.delta != 0u {
@@ -140,6 +145,7 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
         if !(pdf > 0.0) {
             return w;
         }
+        w.pdf = pdf;
         w.throughput *= scattered_value(out, b.wi, walk.towards_light) * (cos_out / pdf);
         w.state = mis_scatter(walk.state, cos_out, pdf, bsdf_pdf(out.bsdf, b.wi, walk.towards_light));
     }
@@ -165,6 +171,7 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
     w.events = walk.events + 1u;
     w = through_medium(w);
     w = arrived(w, b.wi, previous);
+    w.is_clear = !absorbs(walk.medium) && !absorbs(w.medium);
     w.state = mis_arrive(w.state, w.hit.t * w.hit.t, arrival_cosine(w.surface, b.wi));
     return w;
 }

@@ -28,12 +28,20 @@ fn medium_before_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo
     return medium_before(surface_at(instance, triangle, barycentrics, wo, Cone(0.0, 0.0), false), medium);
 }
 
+fn absorbs(medium: vec3<f32>) -> bool {
+    return max_component(medium) > 0.0;
+}
+
 // A ray that escapes from the scene is not absorbed: it has no length, and the object around its origin is open.
 fn transmittance(medium: vec3<f32>, distance: f32) -> vec3<f32> {
     // Drivers return NaN for huge exponents; exp(-200) is 0 in f32.
     return exp(-min(medium * select(distance, 0.0, distance >= FAR), vec3<f32>(200.0)));
 }
 #else
+fn absorbs(medium: vec3<f32>) -> bool {
+    return false;
+}
+
 fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
     return medium;
 }

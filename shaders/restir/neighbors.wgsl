@@ -33,6 +33,9 @@ struct ReuseCenter {
 
 fn reuse_center(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> ReuseCenter {
     let at = vec2<f32>(pixel) + 0.5;
+    if ids.x == NONE {
+        return no_center(at);
+    }
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
         // The surface was found with the jitter of this frame, and those of the last frame with its own.  For the nearest pixel, both
@@ -43,6 +46,14 @@ fn reuse_center(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> ReuseCenter {
         return ReuseCenter(shape, project(view.previous, shape.position) - jitter, at, radius);
     }
     return ReuseCenter(pixel_shape(ids, pixel, false), at, at, radius);
+}
+
+// The center of a pixel without a surface.  It lies outside of the image, so that no neighbor is found.
+fn no_center(pixel: vec2<f32>) -> ReuseCenter {
+    var center: ReuseCenter;
+    center.position = vec2<f32>(-1.0e9);
+    center.pixel = pixel;
+    return center;
 }
 
 // A neighbor; NONE where none is found.  `is_temporal`: the pixel that showed the surface in the last frame.

@@ -75,6 +75,8 @@ const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 // A reconnected sample gets a probe that finds its point of entry.
 const RESAMPLE_INVERT_PROBES: u32 = 524288u;
+// Light paths that can be reconnected between the vertex that the camera sees and the one before are samples of a domain of their own.
+const RESAMPLE_RECONNECT_LIGHT_PATHS: u32 = 1048576u;
 // Where the surface was hidden in the last frame, a position beside the object that hid it is tried.
 const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 // Russian roulette ends no path.

@@ -40,10 +40,19 @@ fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
 
 // Whether the ray hits a side of a surface that the camera draws.
 fn trace_drawn(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
+    return drawn_hit(ray, alpha_seed, true, previous).instance != NONE;
+}
+
+// The closest hit on such a side.
+fn trace_drawn_closest(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
+    return drawn_hit(ray, alpha_seed, false, previous);
+}
+
+fn drawn_hit(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     begin_drawn_ray(ray.direction, previous);
-    let hit = trace_counted(ray, alpha_seed, true, previous);
+    let hit = trace_counted(ray, alpha_seed, any_hit, previous);
     end_drawn_ray();
-    return hit.instance != NONE;
+    return hit;
 }
 
 fn trace_counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {

@@ -82,8 +82,17 @@ fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
     let clip = clip_of(camera, p);
     let at = pixels_of(clip);
     let inside = clip.w > 0.0 && clip.z >= 0.0 && clip.z <= clip.w && is_in_picture(at);
-    let near = (camera.world_from_view * vec4<f32>(near_point(camera, at), 1.0)).xyz;
-    return CameraPoint(at, inside, camera_ray(camera, at), near);
+    return CameraPoint(at, inside, camera_ray(camera, at), near_position(camera, at));
+}
+
+// Where the ray through a point of the image passes the near plane.
+fn near_position(camera: Camera, at: vec2<f32>) -> vec3<f32> {
+    return (camera.world_from_view * vec4<f32>(near_point(camera, at), 1.0)).xyz;
+}
+
+// Whether a point lies beyond the far plane.
+fn is_beyond_far_plane(camera: Camera, p: vec3<f32>) -> bool {
+    return clip_of(camera, p).z < 0.0;
 }
 
 // Density of a camera ray that is uniform in its pixel, at a distance: samples per unit of area perpendicular to the ray, 1/m².

@@ -67,7 +67,8 @@ fn binding_type(resource: R) -> BindingType {
         | R::SubsurfaceLight
         | R::PathLight
         | R::ImagePlacesRead
-        | R::SplatLight => texture(TextureSampleType::Float { filterable: false }),
+        | R::SplatLight
+        | R::ReconnectedLight => texture(TextureSampleType::Float { filterable: false }),
         R::PairShiftsRead | R::SignalsBefore => layers(TextureSampleType::Float { filterable: false }),
         R::LastMeans => layers(TextureSampleType::Uint),
         R::CandidateLight | R::LightAfter | R::UnresampledLight | R::ImagePlaces => {
@@ -120,6 +121,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::LightVertices | R::LightVerticesRead => view(&light_paths()?.vertices),
         R::LightMap | R::LightMapRead => buffer(&light_paths()?.map),
         R::SplatLight => view(light_of(history?, LightPart::Splats)),
+        R::ReconnectedLight => view(light_of(history?, LightPart::Reconnected)),
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
         R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.0),

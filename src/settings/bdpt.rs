@@ -25,7 +25,7 @@ pub enum LightTechniques {
 }
 
 /// MIS weights of camera paths that [`Technique::Bdpt`](super::Technique::Bdpt) shifts to another pixel or frame.  Light paths that the camera
-/// sees are replayed as a whole, with weights of their own in both variants.  (Hedstrom et al. 2025, 6.4; the paper copies weights between
+/// sees have weights of their own in both variants.  (Hedstrom et al. 2025, 6.4; the paper copies weights between
 /// pixels only, because it traces all paths of the last frame again.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -53,6 +53,12 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// Uses of light paths.  Default: [`LightTechniques::Full`].
     pub techniques: LightTechniques,
+    /// Light paths that the camera sees are reused in other pixels, too, if the two vertices next to the camera can be reconnected by the
+    /// criteria of [`Paths::reconnection`](super::Paths::reconnection): light that scatters twice at rough surfaces.  All others, such as
+    /// caustics and light that scatters once, are reused from the last frame only.  Has no effect where the camera sees no light paths.  Costs a
+    /// pass in which each pixel traces one of these light paths again, the passes of [`Paths::reuse`](super::Paths::reuse), and 160 bytes a
+    /// pixel.  No bias.  Default off.
+    pub reconnect_light_paths: bool,
     /// MIS weights of shifted paths.  Default: [`ShiftedMis::Exact`].
     pub mis: ShiftedMis,
     /// MIS weights count a resampled camera path as this many samples, because pixels share camera paths but not light paths.  They count a
@@ -65,7 +71,13 @@ pub struct Bdpt {
 
 impl Default for Bdpt {
     fn default() -> Self {
-        Self { light_paths: 1.0, techniques: LightTechniques::default(), mis: ShiftedMis::default(), reuse_gain: 16.0 }
+        Self {
+            light_paths: 1.0,
+            techniques: LightTechniques::default(),
+            reconnect_light_paths: false,
+            mis: ShiftedMis::default(),
+            reuse_gain: 16.0,
+        }
     }
 }
 
@@ -78,6 +90,11 @@ impl Bdpt {
     /// Whether the camera sees light paths.
     pub(crate) fn splats(&self) -> bool {
         self.light_paths > 0.0 && self.techniques != LightTechniques::NoLightTracing
+    }
+
+    /// Whether light paths that can be reconnected have reservoirs of their own.
+    pub(crate) fn reconnects(&self) -> bool {
+        self.splats() && self.reconnect_light_paths
     }
 
     /// Brings every field into its range.

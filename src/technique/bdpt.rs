@@ -1,14 +1,14 @@
 //! ReSTIR BDPT: whole paths as in ReSTIR PT, weighted against light sub-paths (`shaders/restir/bdpt`, which extends `shaders/restir/pt`);
-//! and light sub-paths that the camera sees (`shaders/restir/splats`).
+//! and light sub-paths that the camera sees (`shaders/restir/splats`, and `shaders/restir/reconnected` for those that can be reconnected).
 
 use super::{
     TechniqueRow,
-    domain::{self, DebugPass, Domain, LightPart, domain_names, pair_passes},
+    domain::{self, DebugPass, Domain, LightPart, PairPasses, domain_names, pair_passes},
     pass::{ComputePass, PassResource as R, Rays},
     reuse_schedule::ReuseSchedule,
 };
 use crate::{
-    gpu_layout::{BIDIRECTIONAL_RESERVOIR_SIZE, SPLAT_RESERVOIR_SIZE},
+    gpu_layout::{BIDIRECTIONAL_RESERVOIR_SIZE, RECONNECTED_RESERVOIR_SIZE, SPLAT_RESERVOIR_SIZE},
     settings::{DebugView, Technique},
 };
 
@@ -53,7 +53,7 @@ const DOMAIN: &Domain = &Domain {
     schedule: ReuseSchedule::of_bidirectional_paths,
 };
 
-/// Light sub-paths that the camera sees.
+/// Light sub-paths that the camera sees, without those of `RECONNECTED_DOMAIN` where the technique has it.
 const SPLATS: &Domain = &Domain {
     names: domain_names!("splats"),
     light_paths: None,
@@ -83,6 +83,30 @@ const SPLATS: &Domain = &Domain {
     schedule: ReuseSchedule::of_splats,
 };
 
+const RECONNECTED_ROOMS: &[&str] = &["restir/reconnected"];
+
+/// Light sub-paths that the camera sees, and that can be reconnected.
+const RECONNECTED_DOMAIN: &Domain = &Domain {
+    names: domain_names!("reconnected"),
+    light_paths: None,
+    candidates: ComputePass {
+        defs: &["DRAWN_SIDES", "WITHIN_FRAME"],
+        rays: Rays::Candidates,
+        ..ComputePass::per_pixel(
+            "reconnected",
+            &[R::Settings, R::LightMapRead, R::CandidateReservoirs, R::CandidateLight],
+        )
+    },
+    reuse: ComputePass { defs: DRAWN_SIDES, ..domain::reuse("reconnected_reuse", RECONNECTED_ROOMS) },
+    // A shift within a frame replays nothing.
+    pairs: Some(PairPasses { compaction: None, ..pair_passes!("reconnected", RECONNECTED_ROOMS, "DRAWN_SIDES") }),
+    forward: &[],
+    debug: &[],
+    reservoir_bytes: RECONNECTED_RESERVOIR_SIZE,
+    part: LightPart::Reconnected,
+    schedule: ReuseSchedule::of_reconnected_light_paths,
+};
+
 pub(super) const ROW: TechniqueRow = TechniqueRow {
     technique: Technique::Bdpt,
     domains: &[DOMAIN, SPLATS],
@@ -94,3 +118,10 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
 /// With `LightTechniques::NoLightTracing`.
 pub(super) const WITHOUT_SPLATS: TechniqueRow =
     TechniqueRow { domains: &[DOMAIN], domains_with_subsurface: &[DOMAIN], ..ROW };
+
+/// With `Bdpt::reconnect_light_paths`.
+pub(super) const RECONNECTED: TechniqueRow = TechniqueRow {
+    domains: &[DOMAIN, SPLATS, RECONNECTED_DOMAIN],
+    domains_with_subsurface: &[DOMAIN, SPLATS, RECONNECTED_DOMAIN],
+    ..ROW
+};

@@ -21,6 +21,7 @@ const INPUT: ComputePass = ComputePass {
         R::PathLight,
         R::SplatLight,
         R::SubsurfaceLight,
+        R::ReconnectedLight,
         R::SignalsAfter,
         R::Guide,
         R::OpticalImagesRead,

@@ -77,13 +77,15 @@ pub(crate) enum LightPart {
     Subsurface,
     /// Light of paths: bounced light, and direct light unless `Direct` has it.
     Paths,
-    /// Light of light sub-paths that the camera sees.
+    /// Light of light sub-paths that the camera sees, without those of `Reconnected`.
     Splats,
+    /// Light of light sub-paths that the camera sees, and that can be reconnected.
+    Reconnected,
 }
 
 impl LightPart {
     /// Number of parts: those up to the last one.
-    pub(crate) const COUNT: usize = Self::Splats as usize + 1;
+    pub(crate) const COUNT: usize = Self::Reconnected as usize + 1;
 }
 
 /// Names that appear in statistics and time spans.

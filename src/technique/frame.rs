@@ -30,6 +30,7 @@ pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
         R::PathLight,
         R::SplatLight,
         R::SubsurfaceLight,
+        R::ReconnectedLight,
         R::Radiance,
         R::Counters,
     ],

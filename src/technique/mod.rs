@@ -38,8 +38,16 @@ pub(crate) struct TechniqueRow {
 }
 
 /// All rows.  The first one of a technique is that of the default choice.
-const ROWS: &[&TechniqueRow] =
-    &[&reference::ROW, &di::ROW, &gi::ROW, &pt::ROW, &pt::SEPARATE, &bdpt::ROW, &bdpt::WITHOUT_SPLATS];
+const ROWS: &[&TechniqueRow] = &[
+    &reference::ROW,
+    &di::ROW,
+    &gi::ROW,
+    &pt::ROW,
+    &pt::SEPARATE,
+    &bdpt::ROW,
+    &bdpt::WITHOUT_SPLATS,
+    &bdpt::RECONNECTED,
+];
 
 /// Settings that choose among the rows of a technique; the default where the technique has one row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -48,14 +56,17 @@ pub(crate) struct RowChoice {
     separate: bool,
     /// The camera does not see light paths.
     without_splats: bool,
+    /// Light paths that can be reconnected have reservoirs of their own.
+    reconnects: bool,
 }
 
 impl RowChoice {
     fn of(settings: &Restir) -> Self {
-        let without_splats = !settings.bdpt.splats();
+        let bdpt = &settings.bdpt;
+        let (without_splats, reconnects) = (!bdpt.splats(), bdpt.reconnects());
         match settings.technique {
             Technique::Pt => Self { separate: settings.paths.separate_direct_light, ..Self::default() },
-            Technique::Bdpt => Self { without_splats, ..Self::default() },
+            Technique::Bdpt => Self { without_splats, reconnects, ..Self::default() },
             Technique::Reference | Technique::Di | Technique::Gi => Self::default(),
         }
     }
@@ -66,6 +77,7 @@ pub(crate) fn row(technique: Technique, choice: RowChoice) -> &'static Technique
     match technique {
         Technique::Pt if choice.separate => &pt::SEPARATE,
         Technique::Bdpt if choice.without_splats => &bdpt::WITHOUT_SPLATS,
+        Technique::Bdpt if choice.reconnects => &bdpt::RECONNECTED,
         _ => ROWS.iter().copied().find(|row| row.technique == technique).unwrap_or(ROWS[0]),
     }
 }
@@ -135,8 +147,9 @@ mod tests {
     #[test]
     fn the_row_of_every_choice_is_in_the_table() {
         for technique in Technique::ALL {
-            for (separate, without_splats) in [(false, false), (true, false), (false, true), (true, true)] {
-                let choice = RowChoice { separate, without_splats };
+            for bits in 0..8 {
+                let [separate, without_splats, reconnects] = [1, 2, 4].map(|bit| bits & bit != 0);
+                let choice = RowChoice { separate, without_splats, reconnects };
                 let row = row(technique, choice);
                 assert!(row.technique == technique && ROWS.contains(&row), "{technique:?}, {choice:?}");
             }
@@ -211,6 +224,22 @@ mod tests {
         assert_eq!(splats(&unseen), 0);
         assert!(unseen.contains(&"light_paths"), "{unseen:?}");
         assert_eq!(splats(&names(LightTechniques::Full, 0.0)), 0);
+    }
+
+    #[test]
+    fn light_paths_are_reconnected_where_the_camera_sees_them() {
+        let passes = |techniques, reconnect_light_paths| {
+            let mut settings = Restir { technique: Technique::Bdpt, ..Default::default() };
+            settings.bdpt.techniques = techniques;
+            settings.bdpt.reconnect_light_paths = reconnect_light_paths;
+            let names = pass_names(&settings, SceneFeatures::empty());
+            names.iter().filter(|name| name.starts_with("reconnected")).count()
+        };
+        for techniques in [LightTechniques::Full, LightTechniques::Lightweight] {
+            assert_eq!(passes(techniques, false), 0, "{techniques:?}");
+            assert!(passes(techniques, true) > 2, "{techniques:?}");
+        }
+        assert_eq!(passes(LightTechniques::NoLightTracing, true), 0);
     }
 
     #[test]

@@ -56,6 +56,8 @@ pub(crate) enum PassResource {
     LightMapRead,
     /// Resampled light of light sub-paths, read.
     SplatLight,
+    /// Resampled light of light sub-paths that can be reconnected, read.
+    ReconnectedLight,
     /// Masks of the similar partners of pixels, written.
     PairMasks,
     /// Masks of the similar partners of pixels, read.

@@ -32,6 +32,8 @@ pub(crate) fn rays_of_pixel(step: &Step, settings: &Restir) -> u64 {
             LightPart::Paths if settings.connects_light_paths() => of_path + settings.bounces,
             LightPart::Paths => of_path,
             LightPart::Splats => 0,
+            // Each event of the light sub-path, and the ray from the camera.
+            LightPart::Reconnected => settings.bounces + 1,
         }),
         // The last ray is that of the selected sample, which some settings test alone.
         Rays::Shifts => {
@@ -52,6 +54,8 @@ fn rays_of_shift(domain: &Domain, settings: &Restir) -> u32 {
         LightPart::Subsurface => RAYS_OF_SUBSURFACE_SHIFT,
         // Those between its vertices, and the one to the light.
         LightPart::Paths | LightPart::Splats => settings.bounces + 1,
+        // Those of the light sub-path, the one from the camera, and the one between the two.
+        LightPart::Reconnected => settings.bounces + 1,
     }
 }
 

@@ -260,7 +260,9 @@ impl ReuseSchedule {
         let Reuse { temporal, order, .. } = settings.paths.reuse;
         let reads_history = temporal || order == ReuseOrder::Spatiotemporal;
         let reads_other_pixels = reads_history || schedule.max_inputs() > 1;
+        let flags = flags_of([(settings.bdpt.reconnects(), RESAMPLE_RECONNECT_LIGHT_PATHS)]);
         Self {
+            common: GpuResampleSettings { flags: schedule.common.flags | flags, ..schedule.common },
             // MIS weights against light sub-paths depend on more than the probabilities of lights.
             same_densities_flags: 0,
             reuse_gain: if reads_other_pixels { settings.bdpt.reuse_gain } else { 1.0 },
@@ -276,7 +278,7 @@ impl ReuseSchedule {
             iterations: vec![Iteration { temporal_samples: u32::from(reuse.temporal), ..Iteration::OVER_LAST_FRAME }],
             common: GpuResampleSettings {
                 // All inputs are shaded, because the color of the candidates is that of all splats.
-                flags: RESAMPLE_SHADE_ALL,
+                flags: RESAMPLE_SHADE_ALL | paths.common.flags & RESAMPLE_RECONNECT_LIGHT_PATHS,
                 decorrelation: 0.0,
                 ..paths.common
             },
@@ -287,6 +289,11 @@ impl ReuseSchedule {
             temporal_mis: MIS_BALANCE,
             reuse_gain: paths.reuse_gain,
         }
+    }
+
+    /// The schedule of light sub-paths that can be reconnected: that of paths.  Where something moved, they are replayed in both directions.
+    pub(crate) fn of_reconnected_light_paths(settings: &Restir) -> Self {
+        Self { moved_flags: RESAMPLE_MOVED, still_flags: RESAMPLE_SAME_RAYS, ..Self::of_bidirectional_paths(settings) }
     }
 
     /// The kinds of the iterations, in order.

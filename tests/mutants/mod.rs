@@ -56,7 +56,7 @@ const fn mutant(
 type Edit = (&'static str, &'static str, &'static str, &'static str);
 
 /// Such edits that the first two tiers find, too: their kind, and the tests that find them.
-const PLANTED: [(&str, &[Edit], &[&str]); 5] = [
+const PLANTED: [(&str, &[Edit], &[&str]); 6] = [
     ("read of the last frame", &previous_frame::WRONG, &["reads_of_the_last_frame_equal_those_of_that_frame"]),
     ("condition of the shift", &pt::reconnection_choice::UNTESTED, &["paths_that_are_often_replayed"]),
     ("confidence", &confidence::WRONG, &["confidence_follows_its_recursion"]),
@@ -69,6 +69,11 @@ const PLANTED: [(&str, &[Edit], &[&str]); 5] = [
         "reuse of light paths",
         &[bdpt::light_reuse::PLANTED[0]],
         &["debug_views_show_reservoirs_of_light_paths", "reused_caustics_equal"],
+    ),
+    (
+        "reconnected light path",
+        &bdpt::reconnected::WRONG,
+        &["the_shift_of_reconnected_light_paths_is_a_change_of_variables"],
     ),
 ];
 

@@ -253,6 +253,7 @@ fn resampling_structs_are_the_same_in_rust_and_wgsl() {
         ("restir/bdpt/reservoir.wgsl", BIDIRECTIONAL_RESERVOIR_SIZE),
         ("restir/sss/reservoir.wgsl", SUBSURFACE_RESERVOIR_SIZE),
         ("restir/splats/reservoir.wgsl", SPLAT_RESERVOIR_SIZE),
+        ("restir/reconnected/reservoir.wgsl", RECONNECTED_RESERVOIR_SIZE),
     ] {
         assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
     }
@@ -282,6 +283,7 @@ fn resampling_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_RETRACE_FORWARD,
         RESAMPLE_RETRACE_BACKWARD,
         RESAMPLE_DIFFUSE_SECONDARY,
+        RESAMPLE_RECONNECT_LIGHT_PATHS,
         RESAMPLE_DUAL_MOTION,
         RESAMPLE_NO_ROULETTE,
         RESAMPLE_STILL,

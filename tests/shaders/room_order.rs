@@ -49,7 +49,11 @@ const SHADERS: Table = &[
     ("restir/sss", &["restir"]),
     ("restir/bdpt", &["restir/pt"]),
     ("restir/splats", &["restir/bdpt"]),
-    ("pass", &["deformation", "restir/gi", "restir/di", "restir/sss", "restir/splats", "denoiser"]),
+    ("restir/reconnected", &["restir/bdpt"]),
+    (
+        "pass",
+        &["deformation", "restir/gi", "restir/di", "restir/sss", "restir/splats", "restir/reconnected", "denoiser"],
+    ),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

@@ -122,7 +122,7 @@ fn stage(pass: &str) -> usize {
     match pass {
         "presample" => 0,
         "light_paths" => 4,
-        _ if pass.starts_with("splats") => 5,
+        _ if pass.starts_with("splats") || pass.starts_with("reconnected") => 5,
         _ if pass.ends_with("_candidates") => 1,
         _ if pass.ends_with("_reuse") => 2,
         _ if pass.contains("_reuse_") || pass.contains("_pair_") => 3,

@@ -24,18 +24,21 @@ struct MapEntry {
     value: vec3<f32>,          // radiance
     multiplicity: f32,         // radiance over that of the vertex alone: above 1 if the entry also represents other vertices
     diffuse: u32,              // `Splat::diffuse` of the vertex
+    reconnects: bool,          // `Splat::reconnects` of the vertex; stored as the sign of `multiplicity`
 }
 
 fn entry_pack(e: MapEntry) -> array<u32, SPLAT_WORDS> {
     let value = pack_radiance(e.value);
+    let multiplicity = select(e.multiplicity, -e.multiplicity, e.reconnects);
     return array<u32, SPLAT_WORDS>(
-        e.next | (e.events - 1u) << LINK_BITS, value.x, value.y, bitcast<u32>(e.multiplicity), e.diffuse,
+        e.next | (e.events - 1u) << LINK_BITS, value.x, value.y, bitcast<u32>(multiplicity), e.diffuse,
     );
 }
 
 fn entry_unpack(words: array<u32, SPLAT_WORDS>) -> MapEntry {
     let value = unpack_radiance(vec2<u32>(words[1], words[2]));
-    return MapEntry(words[0] & LINK_MASK, (words[0] >> LINK_BITS) + 1u, value, bitcast<f32>(words[3]), words[4]);
+    let multiplicity = bitcast<f32>(words[3]);
+    return MapEntry(words[0] & LINK_MASK, (words[0] >> LINK_BITS) + 1u, value, abs(multiplicity), words[4], multiplicity < 0.0);
 }
 
 // First word of the entry that a link names.

@@ -10,6 +10,7 @@
 #import bevy_restir::path::bidirectional_mis::mis_splat_weight
 #import bevy_restir::path::light_path::{LightWalk, scattered_value}
 #import bevy_restir::path::nee::nee_candidate_count
+#import bevy_restir::restir::bdpt::last_edge::{can_reconnect, LastEdge}
 #import bevy_restir::restir::bdpt::techniques::splat_share
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::connection::light_sub_path::replayed_sub_path
@@ -27,10 +28,11 @@ struct Splat {
     pixel: u32,                // index, or NONE
     value: vec3<f32>,
     diffuse: u32,              // share that the surface scatters diffusely, packed; without SPLIT_LIGHT 0
+    reconnects: bool,          // its last edge can be reconnected (`restir/bdpt/last_edge.wgsl`), so that it belongs to that domain
 }
 
 fn no_splat() -> Splat {
-    return Splat(NONE, vec3<f32>(0.0), 0u);
+    return Splat(NONE, vec3<f32>(0.0), 0u, false);
 }
 
 // The splat of the newest vertex, now or (`previous`) in the last frame; its pixel is NONE if the camera does not see the vertex.
@@ -53,7 +55,8 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
         // At this vertex, NEE draws several light candidates (`nee_density`).
         state.last *= f32(nee_candidate_count(settings.candidates, 1u));
     }
-    let weight = mis_splat_weight(density, f32(settings.splats), cosine, state, bsdf_pdf(s.bsdf, wo, w.towards_light));
+    let pdf_reverse = bsdf_pdf(s.bsdf, wo, w.towards_light);
+    let weight = mis_splat_weight(density, f32(settings.splats), cosine, state, pdf_reverse);
     let scale = splat_share(weight) * cosine * density / f32(settings.splats);
     let value = guarded_3(w.throughput * scattered_value(s, wo, w.towards_light) * scale, GUARD_LIGHT_CONTRIBUTION);
     if !(luminance(value) > 0.0) {
@@ -64,16 +67,30 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
         return no_splat();
     }
     let pixel = pixel_at(point.at);
-    return Splat(pixel_index(pixel), value, diffuse);
+    return Splat(pixel_index(pixel), value, diffuse, reconnects_at(w, s, pdf_reverse, previous));
 }
 
-// The splat of a vertex of a replayed sub-path.
+// Whether the edge to the newest vertex can be reconnected.  `s`: the surface there, as the camera sees it.  `pdf_reverse`: with which a path
+// from the camera would take the edge.
+fn reconnects_at(w: LightWalk, s: Surface, pdf_reverse: f32, previous: bool) -> bool {
+    if !w.is_clear || !(w.pdf > 0.0) {
+        return false;
+    }
+    let before = s.position + w.hit.t * w.towards_light;
+    return can_reconnect(s, LastEdge(before, w.normal_before, w.pdf, pdf_reverse), previous);
+}
+
+// The splat of a vertex of a replayed sub-path, unless its last edge can be reconnected: then it belongs to another domain.
 fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> Splat {
     let p = replayed_sub_path(path, frame, light, events, previous);
     if p.walk.events != events {
         return no_splat();
     }
-    return splat_of(p.walk, p.alpha_seed, previous);
+    let splat = splat_of(p.walk, p.alpha_seed, previous);
+    if splat.reconnects {
+        return no_splat();
+    }
+    return splat;
 }
 
 // The surface of the newest vertex as a path from the camera would evaluate it.

@@ -35,6 +35,28 @@ fn continue_sub_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -
     return SubPath(w, rng_bits(rng).x);
 }
 
+// Random numbers that `begin_sub_path` and `continue_sub_path` take.
+const NUMBERS_OF_EVENT: u32 = 4u;
+// Number of those of an event before the alpha seed of its ray, and before that of the ray to the camera.
+const ALPHA_NUMBER: u32 = 1u;
+const CAMERA_ALPHA_NUMBER: u32 = 3u;
+
+// Random numbers from this event of a sub-path on; events are counted from 1.
+fn event_rng(path: u32, frame: u32, event: u32) -> Rng {
+    var rng = sub_path_rng(path, frame, STREAM_LIGHT_PATHS);
+    rng.dimension = NUMBERS_OF_EVENT * (event - 1u);
+    return rng;
+}
+
+// Alpha seeds of the ray that arrives at the vertex of an event, from the second on, and of the shadow ray from there to the camera.
+fn alpha_seeds_of(path: u32, frame: u32, event: u32) -> vec2<u32> {
+    var rng = event_rng(path, frame, event);
+    rng.dimension += ALPHA_NUMBER;
+    let arriving = rng_bits(&rng).x;
+    rng.dimension += CAMERA_ALPHA_NUMBER - ALPHA_NUMBER - 1u;
+    return vec2<u32>(arriving, rng_bits(&rng).x);
+}
+
 // A sub-path that is replayed from its light up to the vertex with this number of scattering events; it may end before.
 fn replayed_sub_path(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> SubPath {
     var rng = sub_path_rng(path, frame, STREAM_LIGHT_PATHS);

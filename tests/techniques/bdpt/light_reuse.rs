@@ -177,8 +177,8 @@ pub fn pose_corner_at(rig: &mut Rig, step: f32) {
         Transform::from_xyz(0.3 - 0.1 * ago, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
 }
 
-const STILL: Proof = Proof { bounces: 4, margin: 0.03, warm_up: 6, ..Proof::of((12, 4), (12, 16)) };
-const MOVING: Proof =
+pub const STILL: Proof = Proof { bounces: 4, margin: 0.03, warm_up: 6, ..Proof::of((12, 4), (12, 16)) };
+pub const MOVING: Proof =
     Proof { warm_up: 0, pose: Some(&pose_corner), ..Proof { ours: Length { restarts: 10, frames: 3 }, ..STILL } };
 
 #[test]

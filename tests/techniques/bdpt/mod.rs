@@ -7,6 +7,7 @@ mod light_paths_alone;
 pub mod light_reuse;
 mod long_run;
 mod matrix;
+pub mod reconnected;
 pub mod shifts;
 mod small_scenes;
 mod techniques;

@@ -1,0 +1,297 @@
+//! Light paths that are shifted by reconnection of their last edge: each belongs to one domain, the shift has an inverse and is a change of
+//! variables, and pictures with any reuse equal the reference, in still and moving scenes.
+
+use super::{
+    light_reuse::{MOVING, STILL, corner},
+    shifts::{SPLATS, leave_out},
+};
+use crate::support::{
+    app::*,
+    change_of_measure::Measure,
+    proof::{Bidirectional, Proof, Subject},
+    reuse_settings::paths,
+    small_scenes::*,
+};
+use LightTechniques::*;
+use bevy::prelude::*;
+use bevy_restir::{
+    Jitter, LightTechniques, Paths, Restir, Reuse,
+    testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
+};
+
+/// [`Bidirectional`] with the reuse of light paths by reconnection.
+pub struct Reconnected(pub LightTechniques, pub Paths);
+
+impl Subject for Reconnected {
+    fn apply_to(&self, settings: &mut Restir) {
+        Bidirectional(self.0, self.1.clone()).apply_to(settings);
+        settings.bdpt.reconnect_light_paths = true;
+    }
+}
+
+/// Passes of camera paths.
+const CAMERA_PATHS: [(&str, &str); 2] = [("bdpt_candidates", "path_candidates"), ("bdpt_reuse", "reuse")];
+
+/// A picture of `size` pixels with light paths alone, each with the weight 1.
+fn light_paths_alone(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+    let mut rig = scene(size, make)?;
+    leave_out(&mut rig, &CAMERA_PATHS);
+    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+    rig.set(|r| {
+        Reconnected(Full, paths::candidates_only()).apply_to(r);
+        (r.jitter, r.bounces, r.bdpt.light_paths) = (Jitter::Always, 3, 4.0);
+    });
+    Some(rig)
+}
+
+/// Rays pass the panes by random numbers: on the way from vertex to vertex, and to the camera.
+fn panes(rig: &mut Rig) {
+    room(rig);
+    for (x, z) in [(-0.4, 0.9), (0.4, 0.6)] {
+        let pane = StandardMaterial {
+            base_color: Color::linear_rgba(0.6, 0.6, 0.6, 0.5),
+            alpha_mode: AlphaMode::Blend,
+            ..lambert(0.6)
+        };
+        rig.spawn(square(1.6), pane, Transform::from_xyz(x, -0.3, z));
+    }
+}
+
+/// A diffuse room, and rooms with rough lobes, mirrors and panes.
+const SCENES: [(&str, fn(&mut Rig)); 4] = [PATH_SCENES[0], PATH_SCENES[1], PATH_SCENES[2], ("panes", panes)];
+
+/// Without reuse, the light of both domains is that of all light paths that the camera sees.  A path in neither would darken the picture, and
+/// one in both would brighten it.
+#[test]
+fn each_light_path_belongs_to_one_domain() {
+    for (name, make) in SCENES {
+        let Some(mut rig) = light_paths_alone(48, make) else { return };
+        let mut luminances = |reconnects| {
+            rig.set(|r| (r.bdpt.reconnect_light_paths, r.seed) = (reconnects, 0));
+            rig.until_ready();
+            // A new seed begins the sequence of random numbers again.
+            rig.set(|r| r.seed = 7);
+            rig.next().iter().map(|(_, c)| f64::from(c.dot(Vec3::new(0.2126, 0.7152, 0.0722)))).collect::<Vec<_>>()
+        };
+        let (one, two) = (luminances(false), luminances(true));
+        let lit = one.iter().filter(|&&value| value > 0.0).count();
+        let wrong = one.iter().zip(&two).filter(|(a, b)| (*a - *b).abs() > 0.01 * a.max(**b)).count();
+        let change = two.iter().sum::<f64>() / one.iter().sum::<f64>() - 1.0;
+        eprintln!("{name}: {wrong} of {lit} pixels differ, in all by {:.4} %", 100.0 * change);
+        assert!(lit > 300 && wrong <= lit / 200 && change.abs() < 2e-3, "{name}: {wrong} of {lit}, {change}");
+        rig.assert_sound();
+    }
+}
+
+/// A rig that shows the results of `reconnected_shift.wgsl`.
+fn shift_rig(size: u32, make: impl FnOnce(&mut Rig), footprint: f32) -> Option<Rig> {
+    let mut rig = light_paths_alone(size, make)?;
+    leave_out(&mut rig, &SPLATS);
+    replace_pass_shader(
+        &mut rig.app,
+        "reconnected_reuse",
+        include_str!("../../support/kernels/reconnected_shift.wgsl"),
+    );
+    rig.set(|r| r.paths = Paths { footprint, ..paths::temporal() });
+    Some(rig)
+}
+
+/// Samples that returned, that have no shift, that were lost, and that returned with another contribution.
+#[derive(Debug, Default)]
+struct RoundTrips {
+    returned: u32,
+    no_shift: u32,
+    lost: u32,
+    coarse: u32,
+}
+
+impl RoundTrips {
+    fn add(&mut self, picture: &Picture) {
+        for (_, c) in picture.iter().filter(|(_, c)| c.y > 0.5) {
+            match c.x.round() as u32 {
+                0 => {
+                    self.returned += 1;
+                    self.coarse += u32::from(c.z > 0.01);
+                }
+                1 => self.no_shift += 1,
+                _ => self.lost += 1,
+            }
+        }
+    }
+
+    /// Edges and thresholds lie within rounding of few samples.
+    fn check(&self, name: &str, least: u32, share: f64) {
+        eprintln!("{name}: {self:?}");
+        let wrong = f64::from(self.lost + self.coarse);
+        assert!(self.returned >= least && wrong <= 2.0 + share * f64::from(self.returned), "{name}: {self:?}");
+    }
+}
+
+/// Shifts samples to other pixels and back.
+fn other_pixels(make: impl FnOnce(&mut Rig), frames: u32) -> Option<RoundTrips> {
+    let mut rig = shift_rig(64, make, 0.5)?;
+    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE", "TEST_ROUND_TRIP"]);
+    rig.until_ready();
+    let mut trips = RoundTrips::default();
+    for seed in 0..frames {
+        rig.set(|r| r.seed = seed);
+        trips.add(&rig.next());
+    }
+    Some(trips)
+}
+
+#[test]
+fn reconnected_light_paths_return_from_other_pixels() {
+    for (name, make) in [SCENES[0], SCENES[3]] {
+        let Some(trips) = other_pixels(make, 8) else { return };
+        trips.check(name, 4_000, 1e-3);
+    }
+}
+
+/// Shifts samples to the last frame of a motion and back.
+fn last_frame(frames: u32) -> Option<RoundTrips> {
+    let mut rig = shift_rig(64, moving, 0.5)?;
+    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE", "TEST_ROUND_TRIP", "TEST_BEFORE"]);
+    rig.until_ready();
+    let mut trips = RoundTrips::default();
+    for seed in 0..frames {
+        rig.set(|r| r.seed = seed);
+        for step in 0..STEPS {
+            pose_moving(&mut rig, step);
+            rig.frame();
+        }
+        pose_moving(&mut rig, STEPS);
+        trips.add(&rig.next());
+    }
+    Some(trips)
+}
+
+#[test]
+fn reconnected_light_paths_return_from_the_last_frame() {
+    let Some(trips) = last_frame(8) else { return };
+    trips.check("moving", 2_000, 5e-3);
+}
+
+/// The measure of samples that the shift takes to partners, and of those that arrive.
+fn measured(make: impl FnOnce(&mut Rig), edits: &[ShaderEdit], frames: u32) -> Option<Measure> {
+    let mut rig = shift_rig(crate::support::change_of_measure::SIZE as u32, make, 0.5)?;
+    plant_edits(&mut rig.app, edits);
+    rig.until_ready();
+    let frames: Vec<Vec<Vec3>> = (0..frames)
+        .map(|seed| {
+            rig.set(|r| r.seed = seed);
+            rig.next().iter().map(|(_, c)| c).collect()
+        })
+        .collect();
+    Some(Measure::of(&frames))
+}
+
+#[test]
+fn the_shift_of_reconnected_light_paths_is_a_change_of_variables() {
+    for (name, make, margin) in [("room", PATH_SCENES[0].1, 0.02), ("glossy", PATH_SCENES[1].1, 0.1)] {
+        let Some(measure) = measured(make, &[], 200) else { return };
+        eprintln!("{name}: {measure}");
+        assert!(measure.is_equal(margin), "{name}: {measure}");
+    }
+}
+
+/// Errors of the measure and of the class of a path.
+pub const WRONG: [(&str, &str, &str, &str); 3] = [
+    (
+        "no distance",
+        "restir/reconnected/domain.wgsl",
+        "scattered_value(leaving, direction, s.towards_light) * (cos_out / d2);",
+        "scattered_value(leaving, direction, s.towards_light) * cos_out;",
+    ),
+    (
+        "no cosine",
+        "restir/reconnected/domain.wgsl",
+        "scattered_value(leaving, direction, s.towards_light) * (cos_out / d2);",
+        "scattered_value(leaving, direction, s.towards_light) / d2;",
+    ),
+    ("any class", "restir/reconnected/domain.wgsl", "|| !can_reconnect(x.surface, edge, previous) {", "{"),
+];
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn wrong_measures_of_reconnected_light_paths_are_found() {
+    for (name, module, from, to) in WRONG {
+        let Some(measure) = measured(PATH_SCENES[0].1, &[ShaderEdit { module, from, to }], 200) else { return };
+        eprintln!("{name}: {measure}");
+        assert!(!measure.is_equal(0.02), "{name} is not found: {measure}");
+    }
+}
+
+/// All kinds of reuse.
+fn kinds() -> [(&'static str, Paths); 5] {
+    let all = paths::all_reuse();
+    let paired = Paths { reuse: Reuse { paired: true, spatial_samples: 3, ..all.reuse.clone() }, ..all.clone() };
+    [
+        ("none", paths::candidates_only()),
+        ("temporal", paths::temporal()),
+        ("spatial", paths::spatial()),
+        ("both", all),
+        ("paired", paired),
+    ]
+}
+
+fn jittered(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+    let mut rig = scene(32, make)?;
+    rig.set(|r| r.jitter = Jitter::Always);
+    Some(rig)
+}
+
+/// Compares light paths alone with the reference.
+fn check_alone(kinds: &[(&'static str, Paths)], proofs: &[(&str, Proof)]) {
+    let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
+    for (name, proof) in proofs {
+        let truth = proof.truth(&mut rig, 1000);
+        plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+        for (what, paths) in kinds {
+            let found = proof.resampled(&mut rig, &Reconnected(Lightweight, paths.clone()), 2000).compare(&truth, 0.03);
+            eprintln!("{name}, {what}: {found}");
+            assert!(found.is_equal(), "{name}, {what}: {found}");
+        }
+        plant_shader_defs(&mut rig.app, &[]);
+    }
+    rig.assert_sound();
+}
+
+#[test]
+fn reconnected_light_paths_alone_find_all_light_of_a_diffuse_corner() {
+    check_alone(&kinds()[3..4], &[("still", STILL), ("moving", MOVING)]);
+}
+
+/// The camera comes nearer in long steps.  The least footprint of a reconnection follows its distance.
+fn pose_dolly(rig: &mut Rig, step: u32) {
+    let away = (STEPS - step) as f32;
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3, 0.2, 4.0 + 1.5 * away).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+}
+
+/// Many paths have changed from one domain to the other since the last frame.  Both domains would count those that are kept.
+#[test]
+fn light_paths_of_the_last_frame_stay_in_their_domain() {
+    let often_replayed = Paths { footprint: 3.0, ..paths::all_reuse() };
+    check_alone(&[("both", often_replayed)], &[("dolly", Proof { pose: Some(&pose_dolly), ..MOVING })]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn reconnected_light_paths_alone_find_all_light_with_any_reuse() {
+    check_alone(&kinds(), &[("still", STILL), ("moving", MOVING)]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn reconnected_light_paths_beside_caustics_equal_the_reference() {
+    let Some(mut rig) = jittered(|rig| corner(rig, true)) else { return };
+    let [_, _, _, (_, both), (_, paired)] = kinds();
+    let subjects = [
+        ("both, lightweight", Reconnected(Lightweight, both.clone())),
+        ("both, all techniques", Reconnected(Full, both)),
+        ("paired, lightweight", Reconnected(Lightweight, paired)),
+    ];
+    STILL.check("a still corner with reconnected light paths", &mut rig, &subjects);
+    MOVING.check("a moving corner with reconnected light paths", &mut rig, &subjects);
+}
