@@ -60,7 +60,7 @@ fn ended_at_light_vertex(prefix: PathSample, p: LightVertex) -> PathSample {
     var path = prefix;
     path.termination = TERMINATION_CONNECTION;
     path.reconnection = path.length;
-    path.light = LightPoint(p.light, p.path | p.events << SUB_PATH_BITS);
+    path.light = LightPoint(p.light, p.path | (p.events << SUB_PATH_BITS));
     return with_light_vertex(path, p);
 }
 

@@ -49,9 +49,9 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let place = vec2<u32>(clamp(r.place * PLACES, vec2<f32>(0.0), vec2<f32>(PLACES - 1.0)));
     let power = pack_radiance(guarded_3(r.power, GUARD_RESERVOIR));
     return PackedReservoir(
-        vec4<u32>(r.path | r.events << 24u, r.frame, r.light, bitcast<u32>(r.ucw)),
+        vec4<u32>(r.path | (r.events << 24u), r.frame, r.light, bitcast<u32>(r.ucw)),
         vec4<u32>(r.instance, r.triangle, encode_barycentrics(r.barycentrics)),
-        vec4<u32>(power, octahedral_encode(r.towards_light), place.x | place.y << 16u),
+        vec4<u32>(power, octahedral_encode(r.towards_light), place.x | (place.y << 16u)),
         vec4<f32>(r.state.last, r.state.earlier, r.target_value, r.confidence),
     );
 }

@@ -51,7 +51,7 @@ fn no_reservoir() -> Reservoir {
 
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let f = guarded_3(r.f, GUARD_RESERVOIR);
-    return PackedReservoir(r.path | r.events << 24u, r.frame, r.light, r.ucw, f.x, f.y, f.z, r.confidence, r.diffuse, 0u, 0u);
+    return PackedReservoir(r.path | (r.events << 24u), r.frame, r.light, r.ucw, f.x, f.y, f.z, r.confidence, r.diffuse, 0u, 0u);
 }
 
 // Reservoirs that hold the same candidate have the same identity, wherever it was shifted.
