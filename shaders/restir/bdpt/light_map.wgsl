@@ -31,7 +31,7 @@ fn entry_pack(e: MapEntry) -> array<u32, SPLAT_WORDS> {
     let value = pack_radiance(e.value);
     let multiplicity = select(e.multiplicity, -e.multiplicity, e.reconnects);
     return array<u32, SPLAT_WORDS>(
-        e.next | (e.events - 1u) << LINK_BITS, value.x, value.y, bitcast<u32>(multiplicity), e.diffuse,
+        e.next | ((e.events - 1u) << LINK_BITS), value.x, value.y, bitcast<u32>(multiplicity), e.diffuse,
     );
 }
 

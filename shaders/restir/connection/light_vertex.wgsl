@@ -58,7 +58,7 @@ fn newest_vertex(w: LightWalk, light: u32, path: u32) -> LightVertex {
 fn light_vertex_pack(v: LightVertex) -> array<vec4<u32>, VERTEX_TEXELS> {
     let barycentrics = encode_barycentrics(v.barycentrics);
     return array<vec4<u32>, VERTEX_TEXELS>(
-        vec4<u32>(v.instance, v.triangle, barycentrics | vec2<u32>(v.events, v.count) << vec2<u32>(24u)),
+        vec4<u32>(v.instance, v.triangle, barycentrics | (vec2<u32>(v.events, v.count) << vec2<u32>(24u))),
         vec4<u32>(bitcast<vec3<u32>>(v.throughput), octahedral_encode(v.towards_light)),
         vec4<u32>(bitcast<vec3<u32>>(vec3<f32>(v.state.last, v.state.earlier, v.open_distance)), v.light),
     );
