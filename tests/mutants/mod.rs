@@ -1,4 +1,4 @@
-//! Mutants: wrong edits of the shaders.  Each must make a test of the first or second tier fail, and three of four one of the first.
+//! Mutants: wrong edits of the shaders.  Each must make a test of the first or second tier fail, and two of three one of the first.
 //!
 //! A mutant runs in a process of its own: this test program again, with the tests that should find it.  The process makes the edit
 //! where it loads shaders (`bevy_restir_support::mutant`).  Results are stored by commit, so that a run continues where the last one
@@ -144,7 +144,7 @@ fn every_mutant_names_tests_of_the_first_two_tiers() {
         later += usize::from(!mutant.tests.iter().any(|test| first.iter().any(|path| is_named(path, test))));
     }
     eprintln!("{later} of {} mutants are left to the second tier", all().len());
-    assert!(4 * later <= all().len(), "the first tier is said to find three of four");
+    assert!(3 * later <= all().len(), "the first tier is said to find two of three");
 }
 
 /// Arguments with which a process of a mutant chooses among the tests.

@@ -139,10 +139,10 @@ fn a_mesh_that_loses_its_triangles_before_anything_shows_it_is_not_shown() {
     rig.assert_sound();
 }
 
-/// Four triangles; the first `flat` of them have no area.
-fn partly_flat(flat: usize) -> Mesh {
-    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let points = (0..4).flat_map(|i| if i < flat { [corners[0]; 3] } else { corners });
+/// Four triangles; the first `broken` of them have a coordinate that is not finite.
+fn partly_broken(broken: usize) -> Mesh {
+    let points =
+        (0..4).flat_map(|i| [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, if i < broken { f32::NAN } else { 0.0 }]]);
     with_positions(PrimitiveTopology::TriangleList, points.collect())
 }
 
@@ -161,12 +161,12 @@ fn add_named(rig: &mut Rig, name: u128, mesh: Mesh) -> Handle<Mesh> {
 fn a_mesh_gets_one_warning_however_often_it_changes() {
     let Some(mut rig) = rig() else { return };
     log::listen();
-    let mesh = add_named(&mut rig, 0xf1a7_0001, partly_flat(1));
+    let mesh = add_named(&mut rig, 0xf1a7_0001, partly_broken(1));
     let material = rig.add::<StandardMaterial>(lambert(0.5));
     let entity = rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
     for i in 0..10 {
         rig.until_ready();
-        rig.edit(&mesh, |mesh| *mesh = partly_flat(1 + i % 4));
+        rig.edit(&mesh, |mesh| *mesh = partly_broken(1 + i % 4));
     }
     rig.until_ready();
     let warning_count = |rig: &Rig, of: &Handle<Mesh>| {
@@ -177,7 +177,7 @@ fn a_mesh_gets_one_warning_however_often_it_changes() {
     // A mesh without any sound triangle is rejected as a whole.
     assert_eq!(warning_count(&rig, &mesh), [2, 1]);
     // Another asset gets its own warning.
-    let other = add_named(&mut rig, 0xf1a7_0002, partly_flat(2));
+    let other = add_named(&mut rig, 0xf1a7_0002, partly_broken(2));
     rig.insert(entity, Mesh3d(other.clone()));
     rig.until_ready();
     assert_eq!((warning_count(&rig, &mesh), warning_count(&rig, &other)), ([2, 1], [1, 0]));
