@@ -389,6 +389,7 @@ fn a_budget_that_is_no_time_changes_nothing_and_a_bad_least_resolution_is_clampe
 
 /// A budget takes samples away, and gives them back; the expected image stays.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_budget_does_not_restart_the_accumulation() {
     let Some(mut rig) = measured_scene() else { return };
     rig.set(|restir| {

@@ -157,6 +157,7 @@ fn share_of_square(side: f64, distance: f64) -> f64 {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn cameras_see_and_are_lit_by_objects_on_their_own_layers() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     let looks = |technique| Restir { technique, bounces: 2, accumulate: true, ..plain() };
@@ -431,6 +432,7 @@ fn on_a_device_below_the_limits_the_plugin_warns_and_bevy_lights_the_scene() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_picture_larger_than_a_binding_is_traced_at_lower_resolution() {
     log::listen();
     // Radiance takes 16 bytes per pixel, reservoirs of paths take 64.

@@ -181,6 +181,7 @@ fn temporal_anti_aliasing_smooths_edges_and_keeps_flat_areas() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn temporal_anti_aliasing_leaves_no_trails_behind_moving_objects() {
     let Some(mut stage) = Stage::new(true, [0.1; 3], 0.3) else { return };
     stage.0.insert(stage.0.camera, Tonemapping::None);

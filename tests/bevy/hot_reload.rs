@@ -43,6 +43,7 @@ fn textured_scene(path: &Path) -> Option<(Rig, Handle<Image>)> {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn an_image_that_is_loaded_again_shows_and_emits_its_new_color() {
     let Some(folder) = Folder::new("reloaded_image") else { return };
     let path = folder.path("color.png");

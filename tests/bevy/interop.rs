@@ -106,6 +106,7 @@ fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn depth_and_motion_vectors_equal_those_of_bevys_own_prepass() {
     let right = Viewport { physical_position: UVec2::new(20, 4), physical_size: UVec2::new(28, 28), ..default() };
     let perspective = Projection::Perspective(PerspectiveProjection::default());

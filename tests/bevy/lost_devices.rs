@@ -35,6 +35,7 @@ fn shown(rig: &mut Rig) -> u8 {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn bevy_lights_a_camera_that_the_device_has_no_memory_for() {
     log::listen();
     let Some(mut rig) = lit_wall() else { return };
