@@ -85,7 +85,7 @@ fn a_change_of_one_emitter_sends_no_triangles_of_the_others() {
     assert_eq!(scene.rig.picture(4), fresh.rig.picture(4));
 }
 
-/// Prints the time of the stages that look at lights.
+/// Prints the time of the stages that look at lights.  Only the first change makes the whole table again.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_candle_flickers_beside_a_million_emissive_triangles() {
@@ -112,7 +112,9 @@ fn a_candle_flickers_beside_a_million_emissive_triangles() {
             assert!(report.uploaded_bytes <= 4096 && visited(&report) == 0, "{} bytes", report.uploaded_bytes);
         }
     }
-    times.drain(..3);
+    let whole = times.drain(..3).fold(0.0, f32::max);
     times.sort_by(f32::total_cmp);
-    println!("{lights} lights, of which one flickers: {:.3} ms of the CPU", times[times.len() / 2]);
+    let median = times[times.len() / 2];
+    println!("{lights} lights, of which one flickers: {median:.3} ms of the CPU; the whole table: {whole:.3} ms");
+    assert!(median < 0.1 * whole, "{median} ms, and {whole} ms for the whole table");
 }
