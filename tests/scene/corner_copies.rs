@@ -2,7 +2,10 @@
 
 use crate::support::{app::*, small_scenes::facing};
 use bevy::prelude::*;
-use bevy_restir::testing::{geometry::limit_corner_copies, lengths::table_lengths};
+use bevy_restir::testing::{
+    geometry::{hold_corner_copies, limit_corner_copies},
+    lengths::table_lengths,
+};
 
 /// Triangles of the ball in [`scene`].
 const BALL: u64 = 320;
@@ -56,6 +59,19 @@ fn a_mesh_that_becomes_emissive_is_read_back() {
     limited.edit(&limited_ball, |material| material.emissive = LinearRgba::BLACK);
     limited.frames(3);
     assert_eq!((limited.report().lights, copies(&limited)), (2, 1));
+}
+
+/// The device answers when nothing else changes any more.
+#[test]
+fn a_copy_that_comes_late_adds_its_lights() {
+    let Some((mut rig, ball)) = scene(Some(0)) else { return };
+    hold_corner_copies(&mut rig.app, true);
+    rig.edit(&ball, |material| material.emissive = LinearRgba::rgb(2.0, 3.0, 4.0));
+    rig.frames(6);
+    assert_eq!((rig.report().lights, length(&rig, "meshes that are read back")), (2, 1));
+    hold_corner_copies(&mut rig.app, false);
+    rig.frames(2);
+    assert_eq!((rig.report().lights, copies(&rig)), (2 + BALL, 2));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use bevy::{
     light::NotShadowCaster,
     prelude::*,
 };
-use bevy_restir::{RestirIgnore, RestirMaterial, Technique};
+use bevy_restir::{RestirIgnore, RestirMaterial, SceneFeatures, Technique};
 
 #[test]
 fn hidden_objects_are_absent_for_all_rays() {
@@ -361,20 +361,19 @@ fn a_light_that_no_camera_sees_restarts_no_history() {
     assert_eq!(rig.report().history_resets, before);
 }
 
+fn spawn_second_camera(rig: &mut Rig, layers: RenderLayers) {
+    let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
+    let target = RenderTarget::Image(ImageRenderTarget::from(image));
+    rig.spawn_bundle((Camera3d::default(), Camera { order: 1, ..default() }, target, layers, plain()));
+}
+
 #[test]
 fn an_object_of_another_camera_that_comes_back_restarts_no_history() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     sun(&mut rig);
     floor(&mut rig, 0.5);
     rig.set(|restir| restir.technique = Technique::Di);
-    let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
-    rig.spawn_bundle((
-        Camera3d::default(),
-        Camera { order: 1, ..default() },
-        RenderTarget::Image(ImageRenderTarget::from(image)),
-        RenderLayers::from_layers(&[0, 1]),
-        plain(),
-    ));
+    spawn_second_camera(&mut rig, RenderLayers::from_layers(&[0, 1]));
     let aside = Transform::from_xyz(50.0, 0.0, 0.0);
     let appear = |rig: &mut Rig| {
         let object = rig.spawn(Cuboid::from_length(1.0), lambert(0.5), aside);
@@ -397,14 +396,7 @@ fn a_light_that_becomes_brighter_stays_hidden_from_other_cameras() {
     rig.set(|restir| restir.accumulate = true);
     sun(&mut rig);
     floor(&mut rig, 0.5);
-    let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
-    rig.spawn_bundle((
-        Camera3d::default(),
-        Camera { order: 1, ..default() },
-        RenderTarget::Image(ImageRenderTarget::from(image)),
-        RenderLayers::layer(1),
-        plain(),
-    ));
+    spawn_second_camera(&mut rig, RenderLayers::layer(1));
     let other = rig.spawn_bundle((DirectionalLight::default(), Transform::default(), RenderLayers::layer(1)));
     for illuminance in [1.0, 10.0, 20.0] {
         rig.get_mut::<DirectionalLight>(other).illuminance = illuminance;
@@ -412,5 +404,22 @@ fn a_light_that_becomes_brighter_stays_hidden_from_other_cameras() {
         let mean = rig.picture(32).mean();
         assert!((mean - 1.0).abs() < 0.15, "{mean} beside a sun of {illuminance} lux for another camera");
     }
+    rig.assert_sound();
+}
+
+/// Rays test the layers of instances only where an object is hidden from their camera.
+#[test]
+fn rays_see_stand_ins_beside_objects_of_another_camera() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    rig.insert(rig.camera, orthographic(0.1, 0.1));
+    slanting_sun(&mut rig);
+    floor(&mut rig, 0.5);
+    spawn_second_camera(&mut rig, RenderLayers::layer(1));
+    let hidden = rig.spawn(square(0.5), lambert(0.5), at(50.0, 0.0, 0.0));
+    rig.insert(hidden, RenderLayers::layer(1));
+    let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+    stand_in(&mut rig, square);
+    assert!(rig.picture(2).mean() < 1e-4, "its shadow");
+    assert!(rig.report().features.contains(SceneFeatures::RENDER_LAYERS));
     rig.assert_sound();
 }

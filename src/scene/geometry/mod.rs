@@ -18,4 +18,4 @@ pub(crate) mod visibility_range;
 pub mod world_tree;
 
 #[cfg(feature = "testing")]
-pub use meshes::corner_copies::limit_corner_copies;
+pub use meshes::corner_copies::{hold_corner_copies, limit_corner_copies};

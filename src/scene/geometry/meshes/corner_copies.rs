@@ -72,6 +72,8 @@ pub(super) struct CornerCopies {
     arrived: bool,
     /// Frames wait for the device, so that pictures do not depend on the time that it takes.
     pub(super) waits: bool,
+    /// Copies that the device has read back are not taken.
+    is_held: bool,
     limit: usize,
 }
 
@@ -83,6 +85,7 @@ impl Default for CornerCopies {
             has_more: false,
             arrived: false,
             waits: false,
+            is_held: false,
             limit: MAX_TRIANGLES,
         }
     }
@@ -119,7 +122,7 @@ impl MeshPool {
 
     /// Takes the copies that the device has read back since the last frame.
     pub(super) fn take_copies(&mut self, device: &RenderDevice) {
-        if self.copies.reading.is_empty() {
+        if self.copies.reading.is_empty() || self.copies.is_held {
             return;
         }
         if self.copies.waits {
@@ -235,9 +238,19 @@ impl Readback {
 /// Sets the greatest number of triangles of all copies of meshes that do not emit.
 #[cfg(feature = "testing")]
 pub fn limit_corner_copies(app: &mut App, triangles: usize) {
+    change_copies(app, |copies| (copies.limit, copies.has_more) = (triangles, true));
+}
+
+/// Lets copies wait, as those of a device that takes many frames to answer, or takes those that have waited.
+#[cfg(feature = "testing")]
+pub fn hold_corner_copies(app: &mut App, is_held: bool) {
+    change_copies(app, |copies| copies.is_held = is_held);
+}
+
+#[cfg(feature = "testing")]
+fn change_copies(app: &mut App, change: impl FnOnce(&mut CornerCopies)) {
     let world = app.get_sub_app_mut(bevy::render::RenderApp).map(|render| render.world_mut());
     if let Some(mut meshes) = world.and_then(|world| world.get_resource_mut::<MeshPool>()) {
-        meshes.copies.limit = triangles;
-        meshes.copies.has_more = true;
+        change(&mut meshes.copies);
     }
 }
