@@ -55,7 +55,8 @@ pub struct Bdpt {
     pub techniques: LightTechniques,
     /// Light paths that the camera sees are reused in other pixels, too, if the two vertices next to the camera can be reconnected by the
     /// criteria of [`Paths::reconnection`](super::Paths::reconnection): light that scatters twice at rough surfaces.  All others, such as
-    /// caustics and light that scatters once, are reused from the last frame only.  Has no effect where the camera sees no light paths.  Costs a
+    /// caustics and light that scatters once, are reused from the last frame only.  Helps [`LightTechniques::Lightweight`]: a lamp in glass has
+    /// 34 % less error (relMSE without the worst percent), but 2.5 % less with `Full`, whose connections find the same light.  Costs a
     /// pass in which each pixel traces one of these light paths again, the passes of [`Paths::reuse`](super::Paths::reuse), and 160 bytes a
     /// pixel.  No bias.  Default off.
     pub reconnect_light_paths: bool,

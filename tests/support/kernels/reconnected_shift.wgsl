@@ -73,6 +73,7 @@ fn result_of(s: Reservoir, pixel: vec2<u32>, f: vec3<f32>) -> vec3<f32> {
     }
     let there = target_value(away);
     let here = luminance(f);
-    return s.ucw * vec3<f32>(there / (1.0 + there), here / (1.0 + here), 0.0);
+    // The lesser of both bounds what the weight, the light of the pixel over `here`, multiplies.
+    return s.ucw * min(here, there) * vec3<f32>(there / (1.0 + there), here / (1.0 + here), 0.0);
 }
 #endif

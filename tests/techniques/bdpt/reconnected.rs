@@ -7,8 +7,8 @@ use super::{
 };
 use crate::support::{
     app::*,
-    change_of_measure::Measure,
-    proof::{Bidirectional, Proof, Subject},
+    change_of_measure::{Measure, SIZE},
+    proof::{Bidirectional, Proof, Subject, emission},
     reuse_settings::paths,
     small_scenes::*,
 };
@@ -83,17 +83,31 @@ fn each_light_path_belongs_to_one_domain() {
     }
 }
 
-/// A rig that shows the results of `reconnected_shift.wgsl`.
-fn shift_rig(size: u32, make: impl FnOnce(&mut Rig), footprint: f32) -> Option<Rig> {
+/// A rig that shows the results of `reconnected_shift.wgsl`, and the emission that its camera sees in this pose.
+fn shift_rig(
+    size: u32,
+    make: impl FnOnce(&mut Rig),
+    pose: impl FnOnce(&mut Rig),
+    defs: &[&'static str],
+) -> Option<(Rig, Picture)> {
     let mut rig = light_paths_alone(size, make)?;
     leave_out(&mut rig, &SPLATS);
+    pose(&mut rig);
+    // Emission is the same in all frames.
+    rig.set(|r| r.jitter = Jitter::Never);
+    let emitted = emission(&mut rig);
     replace_pass_shader(
         &mut rig.app,
         "reconnected_reuse",
         include_str!("../../support/kernels/reconnected_shift.wgsl"),
     );
-    rig.set(|r| r.paths = Paths { footprint, ..paths::temporal() });
-    Some(rig)
+    plant_shader_defs(&mut rig.app, &[&["TEST_SPLATS", "TEST_ALONE"], defs].concat());
+    rig.set(|r| {
+        // Many paths lie near the least footprint.
+        Reconnected(Full, Paths { footprint: 0.5, ..paths::temporal() }).apply_to(r);
+        r.bounces = 3;
+    });
+    Some((rig, emitted))
 }
 
 /// Samples that returned, that have no shift, that were lost, and that returned with another contribution.
@@ -106,8 +120,10 @@ struct RoundTrips {
 }
 
 impl RoundTrips {
-    fn add(&mut self, picture: &Picture) {
-        for (_, c) in picture.iter().filter(|(_, c)| c.y > 0.5) {
+    /// Pixels that see a light are ignored.
+    fn add(&mut self, picture: &Picture, emitted: &Picture) {
+        let dark = picture.iter().zip(emitted.iter()).filter(|(_, (_, e))| *e == Vec3::ZERO);
+        for ((_, c), _) in dark.filter(|((_, c), _)| c.y > 0.5) {
             match c.x.round() as u32 {
                 0 => {
                     self.returned += 1;
@@ -129,13 +145,12 @@ impl RoundTrips {
 
 /// Shifts samples to other pixels and back.
 fn other_pixels(make: impl FnOnce(&mut Rig), frames: u32) -> Option<RoundTrips> {
-    let mut rig = shift_rig(64, make, 0.5)?;
-    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE", "TEST_ROUND_TRIP"]);
+    let (mut rig, emitted) = shift_rig(64, make, |_| {}, &["TEST_ROUND_TRIP"])?;
     rig.until_ready();
     let mut trips = RoundTrips::default();
     for seed in 0..frames {
         rig.set(|r| r.seed = seed);
-        trips.add(&rig.next());
+        trips.add(&rig.next(), &emitted);
     }
     Some(trips)
 }
@@ -150,8 +165,8 @@ fn reconnected_light_paths_return_from_other_pixels() {
 
 /// Shifts samples to the last frame of a motion and back.
 fn last_frame(frames: u32) -> Option<RoundTrips> {
-    let mut rig = shift_rig(64, moving, 0.5)?;
-    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE", "TEST_ROUND_TRIP", "TEST_BEFORE"]);
+    let last = |rig: &mut Rig| pose_moving(rig, STEPS);
+    let (mut rig, emitted) = shift_rig(64, moving, last, &["TEST_ROUND_TRIP", "TEST_BEFORE"])?;
     rig.until_ready();
     let mut trips = RoundTrips::default();
     for seed in 0..frames {
@@ -161,7 +176,7 @@ fn last_frame(frames: u32) -> Option<RoundTrips> {
             rig.frame();
         }
         pose_moving(&mut rig, STEPS);
-        trips.add(&rig.next());
+        trips.add(&rig.next(), &emitted);
     }
     Some(trips)
 }
@@ -174,13 +189,13 @@ fn reconnected_light_paths_return_from_the_last_frame() {
 
 /// The measure of samples that the shift takes to partners, and of those that arrive.
 fn measured(make: impl FnOnce(&mut Rig), edits: &[ShaderEdit], frames: u32) -> Option<Measure> {
-    let mut rig = shift_rig(crate::support::change_of_measure::SIZE as u32, make, 0.5)?;
+    let (mut rig, emitted) = shift_rig(SIZE as u32, make, |_| {}, &[])?;
     plant_edits(&mut rig.app, edits);
     rig.until_ready();
     let frames: Vec<Vec<Vec3>> = (0..frames)
         .map(|seed| {
             rig.set(|r| r.seed = seed);
-            rig.next().iter().map(|(_, c)| c).collect()
+            rig.next().iter().zip(emitted.iter()).map(|((_, c), (_, e))| c - e).collect()
         })
         .collect();
     Some(Measure::of(&frames))
