@@ -25,11 +25,8 @@ fn crowd(rig: &mut Rig) {
     rig.spawn(Sphere::new(0.6).mesh().uv(18, 12), lambert(0.5), Transform::from_xyz(-0.9, 0.4, 0.0));
     let metal =
         StandardMaterial { metallic: 1.0, perceptual_roughness: 0.3, ..Color::linear_rgb(0.9, 0.7, 0.4).into() };
-    rig.spawn(
-        Cuboid::from_length(0.9),
-        metal,
-        Transform::from_xyz(0.8, -0.4, 0.2).with_rotation(Quat::from_rotation_y(0.6)),
-    );
+    let place = Transform::from_xyz(0.8, -0.4, 0.2).with_rotation(Quat::from_rotation_y(0.6));
+    rig.spawn(Cuboid::from_length(0.9), metal, place);
     rig.spawn(square(0.8), lamp(9.0, 8.0, 6.0), Transform::from_xyz(0.0, 2.5, 1.0).looking_at(Vec3::Y * 9.0, Vec3::Z));
     rig.spawn_bundle((PointLight { intensity: 60.0, ..default() }, Transform::from_xyz(2.0, 1.0, 2.0)));
     let sun = Transform::from_xyz(1.0, 2.0, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
