@@ -175,6 +175,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/deform.wgsl",
     "pass/di_candidates.wgsl",
     "pass/environment.wgsl",
+    "pass/light_path_counts.wgsl",
     "pass/light_paths.wgsl",
     "pass/pair_neighbors.wgsl",
     "pass/pair_shifts.wgsl",

@@ -37,12 +37,8 @@ pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
 );
 const STATISTICS: ComputePass = ComputePass::per_pixel("statistics", &[R::Counters]);
 /// In frames that trace light sub-paths.
-const STATISTICS_OF_LIGHT_PATHS: ComputePass = ComputePass {
-    name: "statistics_of_light_paths",
-    defs: &["COUNT_LIGHT_PATHS"],
-    resources: &[R::Settings, R::LightVerticesRead, R::LightMapRead, R::Counters],
-    ..STATISTICS
-};
+const LIGHT_PATH_COUNTS: ComputePass =
+    ComputePass::per_pixel("light_path_counts", &[R::Settings, R::LightVerticesRead, R::LightMapRead, R::Counters]);
 
 /// The content of a frame's picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -223,11 +219,9 @@ impl Frame {
         self.push_steps_of_picture(&mut steps);
         // The passes that write light count guards themselves where this one does not follow.
         if self.counts_rays || self.show != Show::Light {
+            steps.push(compute(&STATISTICS, None));
             let traces_light = |&&domain: &&&'static Domain| self.counts_rays && domain.light_paths.is_some();
-            steps.push(match domains.iter().find(traces_light) {
-                Some(&domain) => Step { name: STATISTICS.name, ..compute(&STATISTICS_OF_LIGHT_PATHS, Some(domain)) },
-                None => compute(&STATISTICS, None),
-            });
+            steps.extend(domains.iter().find(traces_light).map(|&domain| compute(&LIGHT_PATH_COUNTS, Some(domain))));
         }
         steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
         steps

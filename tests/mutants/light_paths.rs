@@ -197,9 +197,9 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "the report has the vertices in the cache, and not those that they stand for",
-        "pass/statistics.wgsl",
-        "vertices_traced_by(index).y",
-        "vertices_traced_by(index).x",
+        "pass/light_path_counts.wgsl",
+        "vertices_traced_by(pixel).y",
+        "vertices_traced_by(pixel).x",
         COUNTED,
     ),
     mutant(

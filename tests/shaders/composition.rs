@@ -38,7 +38,6 @@ fn variants(path: &str) -> &'static [Option<&'static str>] {
         "pass/reference.wgsl" => &[None, Some("SHOWS_RAYS"), Some("SHOWS_BOUNCES")],
         "pass/resolve.wgsl" => &[None, Some("TO_DENOISER")],
         "pass/debug_counts.wgsl" => &[None, Some("SHOWS_GUARDS")],
-        "pass/statistics.wgsl" => &[None, Some("COUNT_LIGHT_PATHS")],
         "pass/reuse.wgsl for restir/pt" | "pass/reuse.wgsl for restir/gi" => &[None, Some("PAIRED")],
         _ if path.starts_with("pass/pair_shifts.wgsl for ") => &[None, Some("DEFERS_REPLAYS"), Some("FROM_QUEUE")],
         _ => &[None],
@@ -127,7 +126,7 @@ fn features_that_a_pass_does_not_read_leave_its_module_as_it_is() {
     assert!(reads("reuse", &["restir/pt"]).contains(SceneFeatures::MANY_NEIGHBORS | SceneFeatures::TEXTURES));
     assert!(!reads("path_candidates", &["restir/pt"]).contains(SceneFeatures::MANY_NEIGHBORS));
     assert!(!reads("presample", &[]).intersects(SceneFeatures::CLEARCOAT | SceneFeatures::CONNECTIONS));
-    assert_eq!(reads("statistics", &[]), SceneFeatures::COUNT_RAYS | SceneFeatures::CONNECTIONS);
+    assert_eq!(reads("statistics", &[]), SceneFeatures::COUNT_RAYS);
 }
 
 fn check(sets: &[SceneFeatures]) {

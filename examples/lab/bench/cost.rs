@@ -1,7 +1,7 @@
 //! Times of the passes of a frame.
 
 /// Passes that compute no lighting.
-const OTHER_PASSES: [&str; 4] = ["visibility", "visibility_shown", "statistics", "composite"];
+const OTHER_PASSES: [&str; 5] = ["visibility", "visibility_shown", "statistics", "light_path_counts", "composite"];
 
 /// Cost of a frame: median times.
 #[derive(Clone, Debug)]
