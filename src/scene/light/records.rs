@@ -110,9 +110,9 @@ mod tests {
         assert_eq!(records.dirty, [0..2, 2..64, 64..104], "the content of a new buffer is unknown");
         records.dirty.clear();
         let mut other = [light(3); 40];
-        other[30] = light(4);
+        (other[10], other[30]) = (light(4), light(4));
         records.write(second.start, &other);
-        assert_eq!(records.dirty, [94..95]);
+        assert_eq!(records.dirty, [74..75, 94..95]);
         assert_eq!(records.get(second), other);
     }
 
