@@ -12,7 +12,6 @@ const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
 const CONNECTED: &[&str] = &["connected_paths_return_unchanged_from_other_pixels"];
 const COPIED: &[&str] = &["connected_paths_with_copied_weights_return_unchanged"];
 const RECONNECTED: &[&str] = &["reconnected_light_paths_alone_find_all_light_of_a_diffuse_corner"];
-const BESIDE_CAUSTICS: &[&str] = &["reconnected_light_paths_beside_caustics_equal"];
 const COUNTED: &[&str] = &["views_of_light_paths_count_those_that_are_seen"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
 
@@ -253,32 +252,11 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     // Reconnected light paths.
     mutant(
-        "light paths that are reconnected pass through objects",
-        "restir/reconnected/domain.wgsl",
-        "return !trace_any(e.ray, e.alpha_seed, r.previous);",
-        "return true;",
-        RECONNECTED,
-    ),
-    mutant(
-        "light paths that are reconnected have the weight of their first vertices alone",
-        "restir/reconnected/domain.wgsl",
-        "    t.state = w.state;\n",
-        "",
-        BESIDE_CAUSTICS,
-    ),
-    mutant(
         "light paths are reconnected in the scene of this frame alone",
         "restir/reconnected/domain.wgsl",
         "replayed_sub_path(s.path, s.frame, s.light, s.events - 1u, r.previous)",
         "replayed_sub_path(s.path, s.frame, s.light, s.events - 1u, false)",
-        &["reconnected_light_paths_return_from_the_last_frame"],
-    ),
-    mutant(
-        "light paths of the other domain are replayed, too",
-        "restir/bdpt/splat.wgsl",
-        "    if splat.reconnects {\n",
-        "    if false {\n",
-        &["light_paths_of_the_last_frame_stay_in_their_domain"],
+        RECONNECTED,
     ),
     mutant(
         "light paths that are reconnected have the alpha seed of another event",
