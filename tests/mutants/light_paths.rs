@@ -259,6 +259,20 @@ pub const MUTANTS: &[Mutant] = &[
         RECONNECTED,
     ),
     mutant(
+        "light paths that are reconnected pass through objects",
+        "restir/reconnected/domain.wgsl",
+        "return !trace_any(e.ray, e.alpha_seed, r.previous);",
+        "return true;",
+        &["reconnected_light_paths_do_not_pass_through_a_wall"],
+    ),
+    mutant(
+        "light paths of the other domain are replayed, too",
+        "restir/bdpt/splat.wgsl",
+        "    if splat.reconnects {\n",
+        "    if false {\n",
+        &["light_paths_of_the_last_frame_stay_in_their_domain"],
+    ),
+    mutant(
         "light paths that are reconnected have the alpha seed of another event",
         "restir/connection/light_sub_path.wgsl",
         "rng.dimension += CAMERA_ALPHA_NUMBER - ALPHA_NUMBER - 1u;",
