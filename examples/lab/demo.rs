@@ -1,4 +1,4 @@
-//! Pictures that show what ReSTIR is for: the reference path tracer, ReSTIR PT in the same time without and with the denoiser, and the
+//! Pictures that show what ReSTIR is for: the reference path tracer, a technique in the same time without and with the denoiser, and the
 //! converged picture.
 
 use bevy::{math::UVec2, utils::default};
@@ -13,14 +13,17 @@ use crate::{
     table::digits,
 };
 
-/// One picture per scene with four panels: the reference path tracer in the time of one frame of ReSTIR PT with the denoiser, ReSTIR PT
-/// without it, ReSTIR PT with it, and the converged picture. The printed errors are medians over blocks of 8 x 8 pixels of the squared error,
+/// One picture per scene with four panels: the reference path tracer in the time of one frame of a technique with the denoiser, the
+/// technique without it and with it, and the converged picture. The printed errors are medians over blocks of 8 x 8 pixels of the squared error,
 /// relative to the squared mean.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// glTF files; `references.json` beside a file may name its environment.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
+    /// ReSTIR PT, ReSTIR BDPT, or ReSTIR DI with GI.
+    #[arg(long, default_value = "pt", value_parser = ["pt", "bdpt", "gi"])]
+    technique: String,
     /// Folder for the pictures.
     #[arg(long, default_value = "target/demo")]
     out: PathBuf,
@@ -70,7 +73,12 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let settings =
         |technique, denoiser| Restir { technique, bounces, energy_compensation: false, denoiser, ..default() };
     let reference = settings(Technique::Reference, Denoiser::OFF);
-    let [raw, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| settings(Technique::Pt, denoiser));
+    let (technique, name) = match args.technique.as_str() {
+        "bdpt" => (Technique::Bdpt, "ReSTIR BDPT"),
+        "gi" => (Technique::Gi, "ReSTIR DI + GI"),
+        _ => (Technique::Pt, "ReSTIR PT"),
+    };
+    let [raw, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| settings(technique, denoiser));
     let mut bench = Bench::of_scene(scene, size, reference.clone(), &Counts { warmup: HISTORY, frames: TIMED })?;
     let silent = Progress::hidden();
     let (_, sample_ms) = bench.show(&reference, TIMED, &silent)?;
@@ -102,8 +110,8 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     };
     let path_traced = format!("reference path tracer, {samples} sample{plural} per pixel");
     line("top left:    ", &path_traced, sample_ms * f64::from(samples), &noisy);
-    line("top right:   ", "ReSTIR PT, one frame without the denoiser", raw_ms, &raw);
-    line("bottom left: ", "ReSTIR PT, one frame with the denoiser", denoised_ms, &denoised);
+    line("top right:   ", &format!("{name}, one frame without the denoiser"), raw_ms, &raw);
+    line("bottom left: ", &format!("{name}, one frame with the denoiser"), denoised_ms, &denoised);
     println!("  bottom right: {origin}");
     Ok(())
 }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// A .glb or .gltf file.
     pub scene: PathBuf,
-    /// The picture: .exr holds linear radiance times exposure in 32-bit floats, .png is tonemapped.
+    /// The picture: .exr holds linear radiance times exposure in 32-bit floats, or the values of a debug view; .png is tonemapped.
     #[arg(long, default_value = "out.png", value_parser = output_path)]
     pub out: PathBuf,
     /// Size in pixels; the camera keeps its vertical field of view.

@@ -131,6 +131,8 @@ fn render_into(args: &Args, mut settings: Restir, written: &mut Written) -> Resu
     // Without an exposure value the file holds the exact radiance.
     let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
     if args.writes_exr() {
+        // Distances, counts and the like have no exposure.
+        let scale = if settings.debug_view.shows_light() { scale } else { 1.0 };
         written.exr(&args.out, args.size, &frames.scaled(scale))?;
     } else {
         if !shows_last {

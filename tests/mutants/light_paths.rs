@@ -11,6 +11,7 @@ const ALONE: &[&str] = &["light_paths_alone"];
 const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
 const CONNECTED: &[&str] = &["connected_paths_return_unchanged_from_other_pixels"];
 const COPIED: &[&str] = &["connected_paths_with_copied_weights_return_unchanged"];
+const OF_SPLAT: &[&str] = &["a_reconnected_light_path_contributes_as_much_as_its_splat"];
 const RECONNECTED: &[&str] = &["reconnected_light_paths_alone_find_all_light_of_a_diffuse_corner"];
 const COUNTED: &[&str] = &["views_of_light_paths_count_those_that_are_seen"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
@@ -264,6 +265,20 @@ pub const MUTANTS: &[Mutant] = &[
         "return !trace_any(e.ray, e.alpha_seed, r.previous);",
         "return true;",
         &["reconnected_light_paths_do_not_pass_through_a_wall"],
+    ),
+    mutant(
+        "light paths that are reconnected forget the weights of their first vertices",
+        "restir/reconnected/domain.wgsl",
+        "    t.state = w.state;\n",
+        "",
+        OF_SPLAT,
+    ),
+    mutant(
+        "light paths that are reconnected count one connection in their MIS weight",
+        "restir/reconnected/domain.wgsl",
+        "    state.last *= connections_of_vertex();\n",
+        "",
+        OF_SPLAT,
     ),
     mutant(
         "light paths of the other domain are replayed, too",

@@ -5,15 +5,32 @@ use crate::support::{
     compose::flag,
     gpu::gpu,
     materials::{self, Query, Sampler, at_angle, brushed, evaluate, every_lobe, metal, random_material, varnished},
-    oracle::{bsdf::Material, quadrature::PolarCells},
+    oracle::{
+        bsdf::Material,
+        directional_albedo::{directional_albedo, entry},
+        quadrature::PolarCells,
+    },
     stats::Random,
 };
 use bevy::prelude::*;
-use bevy_restir::testing::material::directional_albedo::{SIZE, directional_albedo, table};
+use bevy_restir::testing::material::directional_albedo::{SIZE, TABLE};
 use glam::DVec3;
 
+/// The table as it is sent to the GPU.
+fn table() -> Vec<f32> {
+    bytemuck::pod_collect_to_vec(TABLE)
+}
+
 #[test]
-fn the_table_is_the_integral_of_the_lobe() {
+fn each_entry_of_the_table_is_its_integral() {
+    for (k, stored) in table().iter().enumerate() {
+        let exact = entry(k / SIZE, k % SIZE, 96);
+        assert!((f64::from(*stored) - exact).abs() < 3e-4, "{k}: {stored} and {exact}");
+    }
+}
+
+#[test]
+fn the_integral_of_the_table_is_that_of_the_lobe() {
     // The table integrates over visible normals; this test integrates the oracle's lobe over directions.
     for alpha in [0.05, 0.3, 1.0] {
         for degrees in [0.0, 45.0, 75.0] {

@@ -305,6 +305,8 @@ fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
     for (a, b) in plain.pixels.iter().flatten().zip(exposed.pixels.iter().flatten()) {
         assert!((a / 4.8 - b).abs() <= 1e-5 * a, "{a} and {b}");
     }
+    let depth = |out: &str, more: &[&str]| render(out, &[&["--set", "debug_view=Depth"][..], more].concat());
+    assert!(depth("b.exr", &[]) == depth("c.exr", &["--ev100", "2"]), "a distance has no exposure");
     assert!(render("b.png", &[]) == render("c.png", &[]), "equal PNG files");
     // For a technique that does not accumulate by itself, the output is the mean of its frames in both file formats.
     let di = |out: &str, more: &[&str]| render_by("di", out, &[&FEW_PASSES[..], more].concat());

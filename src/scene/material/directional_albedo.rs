@@ -8,57 +8,16 @@ use bevy::render::{
     },
     renderer::{RenderDevice, RenderQueue},
 };
-use std::sync::LazyLock;
 
 /// Entries per side.  Columns go by the cosine of wo and rows by perceptual roughness, both from 0 to 1.
 pub const SIZE: usize = 32;
 
-/// Directional albedo of GGX reflection with F = 1: the mean of G2/G1 over visible normals, integrated by the midpoint rule on `n` x `n`
-/// cells.
-pub fn directional_albedo(alpha: f64, cos_o: f64, n: usize) -> f64 {
-    let sin_o = (1.0 - cos_o * cos_o).max(0.0).sqrt();
-    let smith = |cos: f64, sin: f64| 0.5 * ((1.0 + (alpha * sin / cos).powi(2)).sqrt() - 1.0);
-    let lambda_o = smith(cos_o, sin_o);
-    // Maps each cell to a visible normal by spherical caps (Dupuy and Benyoub 2023).
-    let length = ((alpha * sin_o).powi(2) + cos_o * cos_o).sqrt();
-    let stretched = [alpha * sin_o / length, cos_o / length];
-    let mut sum = 0.0;
-    for i in 0..n {
-        let z = (1.0 - (i as f64 + 0.5) / n as f64) * (1.0 + stretched[1]) - stretched[1];
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        for j in 0..n {
-            let phi = core::f64::consts::TAU * (j as f64 + 0.5) / n as f64;
-            let cap = [r * phi.cos() + stretched[0], r * phi.sin(), z + stretched[1]];
-            let h = [alpha * cap[0], alpha * cap[1], cap[2]];
-            let h_length = h.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let h = h.map(|x| x / h_length);
-            let cos_oh = sin_o * h[0] + cos_o * h[2];
-            let cos_i = 2.0 * cos_oh * h[2] - cos_o;
-            if cos_i > 0.0 {
-                let lambda_i = smith(cos_i, (1.0 - cos_i * cos_i).max(0.0).sqrt());
-                sum += (1.0 + lambda_o) / (1.0 + lambda_o + lambda_i);
-            }
-        }
-    }
-    sum / (n * n) as f64
-}
-
-/// The table, row by row.
-pub fn table() -> Vec<f32> {
-    let at = |i: usize| i as f64 / (SIZE - 1) as f64;
-    (0..SIZE * SIZE)
-        .map(|k| {
-            // A mirror loses nothing.  The albedo at cos = 0 is a limit, so it is evaluated slightly above 0.
-            let (roughness, cos_o) = (at(k / SIZE), at(k % SIZE).max(1e-4));
-            if roughness == 0.0 { 1.0 } else { directional_albedo(roughness * roughness, cos_o, 48) as f32 }
-        })
-        .collect()
-}
+/// The table, row by row: `f32`, little-endian.  A rough mirror (F = 1) reflects this fraction; the mean of G2/G1 over visible normals.
+/// `tests/support/oracle/directional_albedo.rs` integrates it; the entries are accurate to 1e-5.
+pub const TABLE: &[u8; 4 * SIZE * SIZE] = include_bytes!("directional_albedo.f32");
 
 /// The table as a texture.
 pub(crate) fn texture(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
-    // Kept, because a device without memory asks for it in every frame.
-    static TABLE: LazyLock<Vec<f32>> = LazyLock::new(table);
     device
         .create_texture_with_data(
             queue,
@@ -73,7 +32,7 @@ pub(crate) fn texture(device: &RenderDevice, queue: &RenderQueue) -> TextureView
                 view_formats: &[],
             },
             TextureDataOrder::LayerMajor,
-            bytemuck::cast_slice(TABLE.as_slice()),
+            TABLE,
         )
         .create_view(&TextureViewDescriptor::default())
 }

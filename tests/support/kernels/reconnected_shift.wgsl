@@ -3,15 +3,23 @@
 //
 // TEST_ROUND_TRIP: the sample is shifted to the partner and back.  Shows (0: it returned, 1: it has no shift to the partner, 2: it was lost on
 // the way back; 1; relative error of the contribution).  The partner is a pixel near this one or, with TEST_BEFORE, this one in the last frame.
+// TEST_SPLAT: shows (0; 1; relative difference between the contribution and that of the same light path in the domain of all splats).
 // Otherwise: a bounded function, integrated over the samples that the shift takes to the partner, and over those that the partner's shift
 // takes here: over all pixels both sums are the same integral.
 
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::pcg4d
+#import bevy_restir::light::select::light_pmf
+#import bevy_restir::path::light_path::arrival_cosine
+#import bevy_restir::path::roulette::ROULETTE_FROM
+#import bevy_restir::restir::bdpt::splat::splat_of
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::connection::light_sub_path::replayed_sub_path
 #import bevy_restir::restir::reconnected::domain::{apply_shift, evaluate, is_visible, Receiver, shift_result_of, target_value}
 #import bevy_restir::restir::reconnected::reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::camera::{camera_density, camera_point}
 #import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
@@ -62,6 +70,23 @@ fn partner(pixel: vec2<u32>) -> Receiver {
     return Receiver(vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1)), false);
 }
 #endif
+#else ifdef TEST_SPLAT
+// A splat is the value of a light path over its density.  The contribution is the value over the density of everything but the last edge, so
+// that it is the splat times the density of that edge in the image.  Sub-paths that roulette could have ended are left out.
+fn result_of(s: Reservoir, pixel: vec2<u32>, f: vec3<f32>) -> vec3<f32> {
+    let p = replayed_sub_path(s.path, s.frame, s.light, s.events, false);
+    let splat = splat_of(p.walk, p.alpha_seed, false);
+    if s.events > ROULETTE_FROM || !(luminance(splat.value) > 0.0) {
+        return vec3<f32>(0.0);
+    }
+    let x = p.walk.surface;
+    let point = camera_point(view.current, x.position);
+    let rays = camera_density(view.current, -point.ray.direction, distance(point.ray.origin, x.position))
+        * abs(dot(x.bsdf.n_geo, point.ray.direction));
+    let edge = p.walk.pdf * arrival_cosine(x, p.walk.towards_light) / (p.walk.hit.t * p.walk.hit.t);
+    let expected = splat.value * (light_pmf(s.light) * f32(settings.splats) * edge / rays);
+    return vec3<f32>(0.0, 1.0, distance(expected, f) / length(expected));
+}
 #else
 const PARTNER: vec2<u32> = vec2<u32>(8u, 4u);
 

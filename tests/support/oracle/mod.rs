@@ -3,6 +3,7 @@
 
 pub mod bidirectional;
 pub mod bsdf;
+pub mod directional_albedo;
 pub mod enumeration;
 pub mod environment;
 pub mod light_choice;

@@ -1,5 +1,5 @@
-//! Light paths that are shifted by reconnection of their last edge: each belongs to one domain, the shift has an inverse and is a change of
-//! variables, and pictures with any reuse equal the reference, in still and moving scenes.
+//! Light paths that are shifted by reconnection of their last edge: each belongs to one domain and contributes as much as its splat, the shift
+//! has an inverse and is a change of variables, and pictures with any reuse equal the reference, in still and moving scenes.
 
 use super::{
     light_reuse::{MOVING, STILL, corner},
@@ -154,6 +154,21 @@ fn other_pixels(make: impl FnOnce(&mut Rig), frames: u32) -> Option<RoundTrips> 
         trips.add(&rig.next(), &emitted);
     }
     Some(trips)
+}
+
+/// The contribution of a path is that of its splat, in another measure.  Both include the MIS weight.
+#[test]
+fn a_reconnected_light_path_contributes_as_much_as_its_splat() {
+    let Some((mut rig, emitted)) = shift_rig(64, SCENES[0].1, |_| {}, &["TEST_SPLAT"]) else { return };
+    plant_shader_defs(&mut rig.app, &["TEST_SPLAT"]);
+    rig.until_ready();
+    let mut paths = RoundTrips::default();
+    for seed in 0..4 {
+        rig.set(|r| r.seed = seed);
+        paths.add(&rig.next(), &emitted);
+    }
+    paths.check("splats", 2_000, 5e-3);
+    rig.assert_sound();
 }
 
 #[test]
