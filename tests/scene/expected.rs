@@ -86,10 +86,11 @@ fn expected_objects_are_lit_in_their_first_frame() {
     }
 }
 
-/// Also that shaders with all features show the same picture as those without, bit by bit.
+/// Also that shaders with all features show the same picture as those without, bit by bit.  A CPU driver compiles these shaders for more than
+/// twenty minutes.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn nothing_is_compiled_for_what_is_expected() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_nothing_is_compiled_for_what_is_expected() {
     let Some(mut rig) = Rig::new(24, 24) else { return };
     dim(&mut rig);
     let plain = rig.picture(4);

@@ -42,8 +42,8 @@ fn only_shifted_paths_have_copied_weights() {
 /// the lamp in glass; from the reference, which has noise of its own, +0.02 % ± 0.18 and +0.21 % ± 0.40 (exact weights: +0.13 % and
 /// +0.14 %).  The weights of a path sum to 1 in its first pixel, and only light paths that the camera sees have those of their own pixel.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn copied_weights_keep_the_light_of_a_picture() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_copied_weights_keep_the_light_of_a_picture() {
     for (name, margin) in [("room", 0.01), ("glass_lamp", 0.02)] {
         let rig = if name == "room" { room_scene(32) } else { Rig::load(name, 32) };
         let Some(mut rig) = rig else { return };
