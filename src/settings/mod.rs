@@ -66,13 +66,13 @@ pub enum Technique {
     /// off.  Settings: [`Paths`] and [`Direct`].
     #[default]
     Pt,
-    /// ReSTIR BDPT (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`], also those
-    /// that connect with a path from a lamp; and light paths that the camera sees.  For caustics and for lamps inside glass, which `Pt`
-    /// hardly finds.  Light paths that the camera sees are resampled over time, each in the pixel that it lands in: caustics are smooth in
-    /// still scenes, and follow lamps and objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition to the cost of `Pt`,
-    /// a frame traces [`Bdpt::light_paths`] light paths for each pixel (one by default), and each pixel replays up to three more while the
-    /// camera or something else moves.  Unbiased with [`Jitter::Always`].  Otherwise caustics are blurred by up to a pixel, because light
-    /// paths that the camera sees are averaged over the pixel, and all other light is that of its center.
+    /// ReSTIR BDPT (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`], also those that
+    /// connect with a path from a lamp; and light paths that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly
+    /// finds.  Light paths that the camera sees are resampled over time, each in the pixel that it lands in: caustics are smooth in still
+    /// scenes, and follow lamps and objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition
+    /// to the cost of `Pt`, a frame traces [`Bdpt::light_paths`] light paths for each pixel (one by default), and each pixel replays up to three
+    /// more while the camera or something else moves.  Unbiased with [`Jitter::Always`].  Otherwise caustics are blurred by up to a pixel,
+    /// because light paths that the camera sees are averaged over the pixel, and all other light is that of its center.
     /// Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }
