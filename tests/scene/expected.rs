@@ -86,8 +86,8 @@ fn expected_objects_are_lit_in_their_first_frame() {
     }
 }
 
-/// Also that shaders with all features show the same picture as those without, bit by bit.  A CPU driver compiles these shaders for more than
-/// twenty minutes.
+/// Also that shaders with all features show the same picture as those without, bit by bit.  A CPU driver did not finish compiling these shaders
+/// in half an hour, beside other tests.
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_nothing_is_compiled_for_what_is_expected() {

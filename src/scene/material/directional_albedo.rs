@@ -12,8 +12,8 @@ use bevy::render::{
 /// Entries per side.  Columns go by the cosine of wo and rows by perceptual roughness, both from 0 to 1.
 pub const SIZE: usize = 32;
 
-/// The table, row by row: `f32`, little-endian.  A rough mirror (F = 1) reflects this fraction; the mean of G2/G1 over visible normals.
-/// `tests/support/oracle/directional_albedo.rs` integrates it; the entries are accurate to 1e-5.
+/// The entries, row by row, as little-endian `f32`: the fraction of light that a rough mirror (F = 1) reflects, which is the mean of G2/G1
+/// over visible normals.  They are accurate to 1e-5; `tests/support/oracle/directional_albedo.rs` integrates them.
 pub const TABLE: &[u8; 4 * SIZE * SIZE] = include_bytes!("directional_albedo.f32");
 
 /// The table as a texture.
