@@ -35,22 +35,22 @@ pub struct Args {
     /// With the reference: samples per pixel. With other techniques: frames after the warm-up.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
     pub frames: u32,
-    /// Frames that build up history and are not part of the picture; the reference skips them.
+    /// Frames that build up history and are not part of the picture. No effect with `--technique reference`.
     #[arg(long, default_value_t = 16)]
     pub warmup: u32,
     /// The mean of the frames or the last one. The reference always gives the mean of its samples. With --animate, a .png shows the last
     /// frame in any case. A mean has no limit of bright pixels (`firefly_limit` is 0) and no denoiser, because both would stay in it as a
-    /// bias.
+    /// bias. Primary rays are jittered within the pixel (`--set jitter=Never` looks through its center).
     #[arg(long, value_enum, default_value = "mean")]
     pub output: Output,
     /// Seed of the random numbers.
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
-    /// Environment: uniform radiance R,G,B, or an equirectangular .hdr or .exr file. Without it a scene that has no light of its own is
+    /// Environment: uniform radiance R,G,B in cd/m², or an equirectangular .hdr or .exr file. Without it a scene that has no light of its own is
     /// lit by a gray studio, with a warning.
     #[arg(long, value_parser = environment::parse)]
     pub env: Option<Environment>,
-    /// Exposure value at ISO 100, or `auto`; without it the exposure is 1. `auto` is log2(L / (1.2 * 0.18)), where L is the logarithmic
+    /// Exposure value at ISO 100, or `auto`. Without it the exposure is 1, at which a radiance of 1 cd/m² is white. `auto` is log2(L / (1.2 * 0.18)), where L is the logarithmic
     /// mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L becomes middle gray. With `auto` a .png shows one
     /// frame or sample more than asked for, because its exposure is known only after the others.
     #[arg(long, value_parser = arguments::exposure, value_name = "V|auto")]
@@ -79,8 +79,8 @@ pub struct Args {
     /// Writes another .exr file; repeatable. NAME is one of: the first surface of each pixel in the frame after the picture, as albedo,
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
-    /// parts take as many frames as the picture; with the emission that the camera sees directly they sum to it. With `--output last`,
-    /// bright pixels are limited, and light is denoised, in the picture only, unless both are off (`--preset unbiased`).
+    /// parts take as many frames as the picture; with the emission that the camera sees directly they sum to it, with `--output last`
+    /// only if `--preset unbiased` turns the denoiser and the limit of bright pixels off, which the parts do not have.
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters to this file as JSON.

@@ -15,7 +15,7 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 /// changed, nor are the light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
 /// [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
 ///
-/// Needs Bevy's `RenderDiagnosticsPlugin` and a device that measures GPU times (Vulkan or DirectX 12).  Without them there is one warning,
+/// Needs Bevy's `RenderDiagnosticsPlugin` and a device with timestamps (on macOS they lack a part of the passes).  Without them there is one warning,
 /// and cameras use their settings as they are.
 ///
 /// ```

@@ -19,7 +19,7 @@ use super::validate::{Problem, Ranges};
 pub struct Denoiser {
     /// Iterations of the filter over pixels.  Each doubles the spacing of the pixels that are averaged, so that the radius grows to 2, 6, 14,
     /// 30 and 62 pixels: less noise, and wider blur.  0 turns the denoiser off, with its passes and 160 bytes a pixel (208 with a roughness
-    /// below 0.14 or a texture of it).  0 to 5; default 5.
+    /// below 0.142 or a texture of it).  0 to 5; default 5.
     pub iterations: u32,
     /// Greatest number of frames in the mean of a pixel.  More frames have less noise and flicker; light that changes lags longer.  1 to 255;
     /// default 32.

@@ -49,7 +49,7 @@ impl BiasCorrection {
     }
 }
 
-/// Use of the rays between pixels and lights (Wyman and Panteleev 2021, 7.2 and Fig. 15).
+/// Whether and when rays test the visibility of lights, and which results are reused (Wyman and Panteleev 2021, 7.2 and Fig. 15).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]

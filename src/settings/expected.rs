@@ -13,8 +13,8 @@ use bevy::{
 /// changes later, they compile in the background, and histories restart once, when they are ready.  A kind that is taken out again stays in
 /// the shaders only while the scene has such objects.
 ///
-/// Cost: while a kind is expected, shaders keep its code, whether or not the scene has such objects: frames take as long as if it had some
-/// that nothing shows (`lab features` measures each kind in a scene).  Three kinds also take memory and passes: `subsurface` has reservoirs and
+/// Cost: while a kind is expected, shaders keep its code, whether or not the scene has such objects: frames take as long as if it had
+/// some that are out of sight (`lab features` measures each kind in a scene).  Three kinds also take memory and passes: `subsurface` has reservoirs and
 /// passes of its own, `smooth_materials` and `glass` a pass and 48 bytes a pixel of the denoiser.  No bias: the light is the same, and
 /// pictures differ by rounding at most.
 ///

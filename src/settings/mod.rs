@@ -87,7 +87,7 @@ impl Technique {
     }
 }
 
-/// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
+/// Lights the image of this camera, a `Camera3d`, by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
@@ -97,7 +97,8 @@ impl Technique {
 /// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
 ///   or a clearcoat, the first texture or vertex color in a scene with alpha, the first texture of transmission, specular, clearcoat or
 ///   anisotropy, or the first object that render layers hide;
-/// - the first translucent object appears, or the last one disappears (an object or light that [`RestirExpected`] announces restarts nothing);
+/// - the first object with [`Subsurface`] appears, or the last one disappears; in [`Technique::Bdpt`] also the first or last object with
+///   `NotShadowCaster` or [`RestirMaterial`] (an object or light that [`RestirExpected`] announces restarts nothing);
 /// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
 /// - the environment appears, disappears or gets another image;
 /// - one of these settings changes, except [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`,
@@ -135,13 +136,13 @@ pub struct Restir {
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
     /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
     pub energy_compensation: bool,
-    /// Removes single very bright pixels (fireflies) from each frame; histories keep them.  The light that a pixel's surface scatters is
+    /// Limits single very bright pixels (fireflies) of the displayed frame; reservoirs keep the full value.  The light that a pixel's surface scatters is
     /// limited to this number times that of the brightest of the eight pixels around it.  Only neighbors that show the same object count,
     /// and a pixel with fewer than three of them is not limited.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and on
     /// debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
     /// glints and texture details that are smaller than a pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
-    /// Removes noise from each frame by a filter over frames and pixels; histories keep it.  Biased: blurs fine shadows.  Default:
+    /// Removes noise from the displayed frame by a filter over frames and pixels; reservoirs are not filtered.  Biased: blurs fine shadows.  Default:
     /// [`Denoiser::ON`]; [`Denoiser::OFF`] for frames that something else filters or averages.
     pub denoiser: Denoiser,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.

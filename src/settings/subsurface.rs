@@ -36,7 +36,7 @@ use bevy::{
 #[reflect(Component, Default)]
 pub struct Subsurface {
     /// Mean free path of light in the red, green and blue channel, meters: the longer, the softer.  A channel with 0, and one whose path is
-    /// below about a hundredth of a pixel, is diffuse.  Where it exceeds the size of the object, most light is lost.  0 to
+    /// below about a hundredth of a pixel, is diffuse.  If it exceeds the size of the object, the object is much too dark.  0 to
     /// [`Self::MAX_MEAN_FREE_PATH`]; default 0.001 in all channels.
     pub mean_free_path: Vec3,
     /// Share of diffuse reflection that scatters below the surface.  0 to 1; default 1.
