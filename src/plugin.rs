@@ -217,9 +217,9 @@ fn reason_of(missing: &'static str) -> String {
 
 /// Whether the present device has what the passes need.
 #[derive(Resource)]
-struct IsOn(bool);
+pub(crate) struct IsOn(bool);
 
-fn is_on(on: Res<IsOn>) -> bool {
+pub(crate) fn is_on(on: Res<IsOn>) -> bool {
     on.0
 }
 

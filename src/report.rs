@@ -1,6 +1,6 @@
 //! Statistics of the plugin for apps and tests.  Shaders count their own work; nothing is estimated.
 
-use bevy::{ecs::prelude::*, log::error};
+use bevy::{ecs::prelude::*, log::{error, warn}};
 use std::sync::{
     Arc, Mutex, MutexGuard, PoisonError,
     atomic::{AtomicBool, Ordering},
@@ -65,8 +65,8 @@ pub struct RestirReport {
     /// Number of steps by which [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras.  The first steps take samples
     /// away, as [`Restir::reduced`](crate::Restir::reduced) does.  Where that has no step left, further ones lower the traced resolution.
     pub budget_step: u32,
-    /// CPU time of each stage of the last frame, ms: the plugin's own work, without the later work of Bevy and the driver.  Stages run one
-    /// after another, so that their sum is the time of all.
+    /// CPU time of each stage of the last frame, ms: the plugin's own work, without the later work of Bevy and the driver.  Some stages may
+    /// run side by side, so that their sum is at least the time that passes.
     pub cpu_ms: Vec<(&'static str, f32)>,
     /// How many elements of the scene the plugin looked at in the last frame, by kind.  All are 0 while nothing changes, apart from skinned
     /// and morphed instances, images that the GPU writes, and elements that wait for a missing asset or do not fit the device.
@@ -115,6 +115,8 @@ struct Shared {
     ray_counting: RayCounting,
     /// In the last frame every camera was rendered by the pipelines that scene and settings ask for.
     shows_settings: AtomicBool,
+    /// In the last frame a camera was rendered.
+    renders: AtomicBool,
     /// The first requirement that the present device does not meet; `None` if it meets all.
     missing: Mutex<Option<&'static str>>,
 }
@@ -138,6 +140,15 @@ impl RestirStatistics {
 
     pub(crate) fn set_shows_settings(&self, shows: bool) {
         self.0.shows_settings.store(shows, Ordering::Relaxed);
+    }
+
+    /// Whether a camera was rendered in the last frame.
+    pub(crate) fn renders(&self) -> bool {
+        self.0.renders.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_renders(&self, renders: bool) {
+        self.0.renders.store(renders, Ordering::Relaxed);
     }
 
     /// Counts the rays of all cameras from the next frames on ([`RestirReport::rays`]), and the vertices of light paths
@@ -206,6 +217,7 @@ pub(crate) fn update_report(
     };
     let shows_settings = views.views.iter().filter(is_shown).all(|(_, view)| view.rendered && view.key_is_requested);
     statistics.set_shows_settings(shows_settings);
+    statistics.set_renders(views.views.values().any(|view| view.rendered));
     report.ready = scene.ready && environments.ready && shows_settings;
     passes.update_report(&mut report.pipelines);
     report_scene(&mut report, &scene);
@@ -281,11 +293,11 @@ fn log_guards(guards: &[(&'static str, u64)], reported: &mut Vec<&'static str>) 
     for (guard, (name, pixels)) in GUARDS.iter().zip(guards) {
         if *pixels > 0 && !reported.contains(name) {
             reported.push(name);
-            error!(
-                "restir: guard `{name}` was raised by {pixels} pixels so far: {}.  Unless it is `float_overflow` or `overflow_probe`, this is a \
-                 bug of bevy_restir; please report it",
-                guard.meaning
-            );
+            let message = format!("restir: guard `{name}` was raised by {pixels} pixels so far: {}", guard.meaning);
+            match guard.is_bug {
+                true => error!("{message}.  This is a bug of bevy_restir; please report it"),
+                false => warn!("{message}"),
+            }
         }
     }
 }

@@ -4,6 +4,7 @@
 #import bevy_restir::view::bindings::{counts, LAYER_GUARDS, LAYER_RAYS, view}
 #import bevy_restir::view::false_color::false_color
 #import bevy_restir::view::pixel::pixel_index
+#import bevy_restir::view::pixel_light::add_to_sum
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
@@ -26,7 +27,7 @@ fn shown(pixel: vec2<u32>, sum: vec4<f32>) -> vec4<f32> {
 }
 #else
 fn shown(pixel: vec2<u32>, sum: vec4<f32>) -> vec4<f32> {
-    let rays = vec4<f32>(vec3<f32>(f32(textureLoad(counts, pixel, LAYER_RAYS).x)), 1.0);
-    return rays + select(vec4<f32>(0.0), sum, view.accumulated > 0u);
+    let before = select(vec4<f32>(0.0), sum, view.accumulated > 0u);
+    return add_to_sum(before, vec3<f32>(f32(textureLoad(counts, pixel, LAYER_RAYS).x)));
 }
 #endif

@@ -13,7 +13,7 @@
 #import bevy_restir::view::guard_counter::end_pixel
 #import bevy_restir::view::light_part::shown_emission
 #import bevy_restir::view::pixel::pixel_index
-#import bevy_restir::view::pixel_light::guarded_pixel
+#import bevy_restir::view::pixel_light::{add_to_sum, guarded_pixel}
 #import bevy_restir::view::ray_counter::add_rays
 
 // Sum of radiance (rgb), and number of samples (a).
@@ -39,11 +39,8 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     let index = pixel_index(pixel);
-    var sum = vec4<f32>(displayed(guarded_pixel(sample)), 1.0);
-    if view.accumulated > 0u {
-        sum += radiance[index];
-    }
-    radiance[index] = sum;
+    let before = select(vec4<f32>(0.0), radiance[index], view.accumulated > 0u);
+    radiance[index] = add_to_sum(before, displayed(guarded_pixel(sample)));
     add_rays(pixel);
     end_pixel(pixel);
 }

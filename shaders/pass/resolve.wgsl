@@ -5,7 +5,7 @@
 #import bevy_restir::common::math::luminance
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::pixel::pixel_index
-#import bevy_restir::view::pixel_light::guarded_pixel
+#import bevy_restir::view::pixel_light::{add_to_sum, guarded_pixel}
 #ifdef TO_DENOISER
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::denoiser::albedo::{albedo_of, has_albedo, without_albedo}
@@ -76,11 +76,8 @@ fn signal(light: vec3<f32>, albedo: vec3<f32>) -> vec4<f32> {
 
 fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
     let index = pixel_index(pixel);
-    var sum = vec4<f32>(guarded_pixel(directly_seen(ids, pixel) + scattered.rgb), 1.0);
-    if view.accumulated > 0u {
-        sum += radiance[index];
-    }
-    radiance[index] = sum;
+    let before = select(vec4<f32>(0.0), radiance[index], view.accumulated > 0u);
+    radiance[index] = add_to_sum(before, guarded_pixel(directly_seen(ids, pixel) + scattered.rgb));
     end_pixel(pixel);
 }
 #endif

@@ -63,7 +63,7 @@ impl GpuTimes {
         (self.newest.replace(arrived) != Some(arrived)).then_some(ms)
     }
 
-    /// Counts a frame that was rendered, and warns if the time of none has ever arrived.
+    /// Counts a frame that was rendered, and warns if the time of none has ever arrived.  Frames without a camera have no time.
     fn count_frame(&mut self) {
         if self.newest.is_some() {
             return;
@@ -100,7 +100,7 @@ pub(crate) fn keep_budget(
         match times.next(diagnostics.as_deref()) {
             Some(ms) if shows_settings => controller.observe(ms, budget.gpu_ms),
             Some(_) => controller.interrupt(),
-            None if shows_settings && !cameras.is_empty() => times.count_frame(),
+            None if shows_settings && statistics.renders() => times.count_frame(),
             None => {}
         }
     } else {

@@ -56,7 +56,9 @@ pub(super) fn run_passes(
     let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else {
         return;
     };
-    if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
+    let lacks_structures = key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none();
+    let lacks_textures = key.features.contains(SceneFeatures::BOUND_TEXTURES) && scene.bound_textures.is_none();
+    if lacks_structures || lacks_textures {
         return;
     }
     state.ran.store(true, Ordering::Relaxed);

@@ -223,7 +223,8 @@ impl SceneBindings {
         textures: &BindlessTextures,
         none: &TextureView,
     ) {
-        if self.bound_textures_revision == textures.revision {
+        // Expected textures need the group before the first image, while both revisions are 0.
+        if self.bound_textures.is_some() && self.bound_textures_revision == textures.revision {
             return;
         }
         self.bound_textures = Some(textures.bind_group(none, device, pipelines));

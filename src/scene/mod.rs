@@ -38,7 +38,7 @@ use bevy::{
 };
 use core::num::NonZeroU32;
 
-use crate::system_sets::RestirSystems;
+use crate::{plugin::is_on, system_sets::RestirSystems};
 use bindings::SceneBindings;
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
@@ -94,7 +94,8 @@ pub(crate) fn build(render_app: &mut SubApp) {
                     .chain(),
                 unsupported::warn_of_unsupported,
                 forget_warnings,
-            ),
+            )
+                .run_if(is_on),
         )
         .add_systems(
             Render,
@@ -102,7 +103,8 @@ pub(crate) fn build(render_app: &mut SubApp) {
                 meshes::queue_meshes.before(prepare_assets::<RenderMesh>),
                 textures::record_images.before(prepare_assets::<GpuImage>),
             )
-                .in_set(RenderSystems::PrepareAssets),
+                .in_set(RenderSystems::PrepareAssets)
+                .run_if(is_on),
         )
         .add_systems(
             Render,
@@ -114,7 +116,8 @@ pub(crate) fn build(render_app: &mut SubApp) {
         (
             extract::instances::check_instances.after(extract::instances::extract_instances),
             extract::lights::check_lights.after(extract::lights::extract_lights),
-        ),
+        )
+            .run_if(is_on),
     );
 }
 

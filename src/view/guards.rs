@@ -10,10 +10,17 @@ pub struct Guard {
     pub bit: u32,
     /// The error in a pixel that raises it.
     pub meaning: &'static str,
+    /// Whether no scene may raise it; otherwise very bright lights or bodies with many surfaces may.
+    pub is_bug: bool,
 }
 
 const fn guard(name: &'static str, bit: u32, meaning: &'static str) -> Guard {
-    Guard { name, bit, meaning }
+    Guard { name, bit, meaning, is_bug: true }
+}
+
+/// A guard that a scene beyond our limits may raise.
+const fn limit(name: &'static str, bit: u32, meaning: &'static str) -> Guard {
+    Guard { is_bug: false, ..guard(name, bit, meaning) }
 }
 
 /// All guards.
@@ -23,13 +30,13 @@ pub const GUARDS: &[Guard] = &[
         OVERFLOW_STACK,
         "the stack of a traversal was full, so that the ray may have missed geometry",
     ),
-    guard(
+    limit(
         "overflow_steps",
         OVERFLOW_STEPS,
         "a traversal took too many steps, so that the ray may have missed geometry, or too many light paths landed in a pixel",
     ),
     guard("non_finite", NON_FINITE, "the light of the pixel was not finite, and became black"),
-    guard(
+    limit(
         "float_overflow",
         GUARD_FLOAT_OVERFLOW,
         "a number was too large for f32: light brighter than about 1e38 is missing",
@@ -61,7 +68,7 @@ pub const GUARDS: &[Guard] = &[
         "a path of ReSTIR GI was NaN or negative in the measure of the secondary vertex",
     ),
     guard("reservoir", GUARD_RESERVOIR, "a reservoir held a number that was not finite, or negative"),
-    guard(
+    limit(
         "overflow_probe",
         OVERFLOW_PROBE,
         "a probe ray of a translucent object met too many triangles, so that its light is missing",

@@ -7,7 +7,7 @@
 use bevy::{
     asset::AssetId,
     ecs::resource::Resource,
-    log::warn,
+    log::{warn, warn_once},
     math::Affine3A,
     mesh::Mesh,
     platform::collections::HashMap,
@@ -211,7 +211,7 @@ impl BodyPool {
                 Some(body) => _ = self.bodies.insert(extracted.entity, body),
                 None if self.warned.is_due((extracted.entity, BodyProblem::TooLarge)) => {
                     warn!(
-                        "restir: entity {} keeps its rest pose, because this device has no room for its triangles",
+                        "restir: entity {} keeps its rest pose, because there are too many bodies that bend, or no room for its triangles",
                         *extracted.entity
                     );
                 }
@@ -325,6 +325,10 @@ impl BodyPool {
         if !reserved {
             // The next frame tries again: memory may have become free.
             self.fits = false;
+            warn_once!(
+                "restir: Bevy lights all cameras, because the poses of {} skinned or morphed objects do not fit this device",
+                records.len()
+            );
             due.into_iter().for_each(|body| body.is_late = true);
             return 0;
         }

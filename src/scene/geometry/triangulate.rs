@@ -67,7 +67,7 @@ impl Dropped {
     pub fn complaint(self) -> Option<String> {
         let reasons = [
             (self.out_of_range, "with indices out of range"),
-            (self.non_finite, "with coordinates that are not finite"),
+            (self.non_finite, "with coordinates that are not finite or beyond 1e12 m"),
         ];
         let named: Vec<_> = reasons.iter().filter(|(n, _)| *n > 0).map(|(n, reason)| format!("{n} {reason}")).collect();
         (!named.is_empty()).then(|| format!("has triangles that are left out: {}", named.join(" and ")))

@@ -59,7 +59,7 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
     // A thin wall has no interior that could absorb, and what transmits nothing has none that light reaches.
     let has_interior = unit(m.specular_transmission) > 0.0 || unit(m.diffuse_transmission) > 0.0;
     let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 && has_interior {
-        m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| -unit(c).max(1e-6).ln() / distance)
+        m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| (-unit(c).max(1e-6).ln() / distance).min(1e30))
     } else {
         [0.0; 3]
     };
