@@ -103,6 +103,21 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
     return select(a, -a, y < 0.0);
 }
 
+// Sine of an angle in [-π/2, π/2], with an error of about 1e-7 (its Taylor polynomial).  WGSL allows sin an error of 2^-11, which is a third of
+// the height of a cell of the map.
+fn precise_sine(x: f32) -> f32 {
+    let s = x * x;
+    let p = -0.16666667 + s * (0.0083333333 + s * (-0.00019841270 + s * (0.0000027557319 - 0.000000025052108 * s)));
+    return x + x * s * p;
+}
+
+// Sine and cosine of an angle in [-π, π], as precise.
+fn precise_sine_cosine(x: f32) -> vec2<f32> {
+    let half_sine = precise_sine(0.5 * x);
+    let half_cosine = precise_sine(0.5 * (PI - abs(x)));
+    return vec2<f32>(2.0 * half_sine * half_cosine, 1.0 - 2.0 * half_sine * half_sine);
+}
+
 // Point of an equirectangular map in a direction.
 fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(

@@ -78,6 +78,9 @@ fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous:
 
 // Lets the ray pass a surface if the light lies only a little behind it, as shadow rays do (DISTANCE_TOLERANCE).
 fn past_tolerance(ray: EmittedRay, previous: bool) -> EmittedRay {
+    if ray.light == NONE {
+        return ray;
+    }
     var r = ray;
     r.t_min = start_of_rays(ray.light, scene_sphere(previous).radius);
     return r;

@@ -4,7 +4,7 @@
 #define_import_path bevy_restir::light::environment
 
 #import bevy_restir::common::constants::{FOUR_PI, ONE_MINUS_EPSILON, PI, TWO_PI}
-#import bevy_restir::common::math::{clean_radiance, equirectangular_uv, luminance, wrapped_index}
+#import bevy_restir::common::math::{clean_radiance, equirectangular_uv, luminance, precise_sine, precise_sine_cosine, wrapped_index}
 #import bevy_restir::light::cube::{cube_radiance, cube_side}
 #import bevy_restir::view::bindings::{environment_importance, environment_map, view}
 
@@ -117,19 +117,13 @@ fn split(u: f32, share: f32) -> vec2<f32> {
 // Samples a direction uniformly in the solid angle of a cell, in the frame of the map.
 fn cell_direction(cell: vec2<u32>, size: vec2<u32>, u: vec2<f32>) -> vec3<f32> {
     let phi = TWO_PI * ((f32(cell.x) + u.x) / f32(size.x) - 0.5);
-    // s = sin²(θ/2) is linear in cosθ, and precise near the pole that θ is measured from.
-    let south = 2u * cell.y >= size.y && size.y > 1u;
-    let row = f32(select(cell.y, size.y - 1u - cell.y, south));
-    let v = select(u.y, 1.0 - u.y, south);
-    let s = mix(half_sine_squared(row / f32(size.y)), half_sine_squared((row + 1.0) / f32(size.y)), v);
+    let around = precise_sine_cosine(phi);
+    let south = is_southern(cell.y, size);
+    let edges = row_edges(cell.y, size);
+    let s = mix(edges.x, edges.y, select(u.y, 1.0 - u.y, south));
     let sin_theta = 2.0 * sqrt(max(s * (1.0 - s), 0.0));
     let cos_theta = 1.0 - 2.0 * s;
-    return vec3<f32>(sin_theta * sin(phi), select(cos_theta, -cos_theta, south), -sin_theta * cos(phi));
-}
-
-fn half_sine_squared(v: f32) -> f32 {
-    let s = sin(0.5 * PI * v);
-    return s * s;
+    return vec3<f32>(sin_theta * around.x, select(cos_theta, -cos_theta, south), -sin_theta * around.y);
 }
 
 fn map_pdf(d: vec3<f32>) -> f32 {
@@ -170,10 +164,24 @@ fn map_pdf(d: vec3<f32>) -> f32 {
 }
 #endif
 
-// Solid angle of a cell of row y: 2π/width · (cosθ above - cosθ below), as a product of sines, which is precise for small cells.
+// Whether the angles of a row are measured from the lower pole.
+fn is_southern(y: u32, size: vec2<u32>) -> bool {
+    return 2u * y >= size.y && size.y > 1u;
+}
+
+// The edges of a row as sin²(θ/2), where θ is measured from the nearer pole: linear in cosθ, and precise near this pole.
+fn row_edges(y: u32, size: vec2<u32>) -> vec2<f32> {
+    let row = f32(select(y, size.y - 1u - y, is_southern(y, size)));
+    let angles = vec2<f32>(row, row + 1.0) * (0.5 * PI / f32(size.y));
+    let sines = vec2<f32>(precise_sine(angles.x), precise_sine(angles.y));
+    return sines * sines;
+}
+
+// Solid angle of a cell of row y: 2π/width times the difference of cosθ.  Sampling has the same edges, so that the density is that of the
+// directions even where the edges are rounded.
 fn cell_solid_angle(y: u32, size: vec2<u32>) -> f32 {
-    let half_height = 0.5 * PI / f32(size.y);
-    return TWO_PI / f32(size.x) * 2.0 * sin((2.0 * f32(y) + 1.0) * half_height) * sin(half_height);
+    let edges = row_edges(y, size);
+    return TWO_PI / f32(size.x) * 2.0 * (edges.y - edges.x);
 }
 
 #ifdef ENVIRONMENT_MAP

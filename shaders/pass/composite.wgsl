@@ -52,8 +52,13 @@ fn fragment_with_motion(@builtin(position) position: vec4<f32>) -> OutputWithMot
     if keeps_earlier_picture(d) {
         discard;
     }
-    return OutputWithMotion(color_at(pixel, d), -motion_at(pixel) / vec2<f32>(view.size), d);
+    let motion = clamp(-motion_at(pixel) / vec2<f32>(view.size), vec2<f32>(-MAX_MOTION), vec2<f32>(MAX_MOTION));
+    return OutputWithMotion(color_at(pixel, d), motion, d);
 }
+
+// Greatest motion that is written, in pictures.  A surface that was behind the camera has none that its texture of half floats could hold,
+// and infinity would become NaN in temporal anti-aliasing.
+const MAX_MOTION: f32 = 100.0;
 
 // The pixel of the viewport.
 fn shown_pixel(position: vec4<f32>) -> vec2<u32> {

@@ -12,7 +12,8 @@ use bevy::{
 ///
 /// Put it on the entity of the mesh.  The camera sees what Bevy draws, lit by Bevy's lights; this also holds if the entity has a
 /// `MeshMaterial3d<StandardMaterial>` of its own.  It costs as much as any other object.  With
-/// [`Technique::Bdpt`](crate::Technique::Bdpt), caustics are found from the camera only (noisier, not darker), with a warning.
+/// [`Technique::Bdpt`](crate::Technique::Bdpt), caustics are found from the camera only (noisier; those of lights without a size
+/// are missing), with a warning.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -224,8 +224,8 @@ fn warn_of_light_paths(
     let loses_splats = scene.has_camera_dependent_objects && state.settings.bdpt.splats();
     if loses_splats && warned.is_due((ids.view, "camera-dependent objects")) {
         warn!(
-            "restir: camera {} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
-             NotShadowCaster or RestirMaterial",
+            "restir: camera {} finds caustics from the camera only (noisier; those of lights without a size are missing), because an object \
+             of the scene has NotShadowCaster or RestirMaterial",
             ids.main
         );
     }

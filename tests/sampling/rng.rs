@@ -114,9 +114,33 @@ fn encoded_directions_decode_to_the_same_direction() {
             octahedral[3],
             equirectangular[3]
         );
+        let azimuth = (f64::from(octahedral[3]) - 0.5) * std::f64::consts::TAU;
+        let apart = (f64::from(t[3]) - azimuth.sin()).abs().max((f64::from(b[3]) - azimuth.cos()).abs());
+        assert!(apart < 5e-7, "sine {} and cosine {} of {azimuth}", t[3], b[3]);
         let (t, b) = (vector(t), vector(b));
         assert!(t.dot(b).abs().max(t.dot(d).abs()).max(b.dot(d).abs()) < 1e-6, "{d}: not orthogonal");
         assert!((t.cross(b) - d).length() < 1e-6, "{d}: not right-handed");
+    }
+}
+
+/// Where many light paths land in one pixel, the shortest times decide: they need relative precision.
+#[test]
+fn exponential_times_are_precise_where_they_are_short() {
+    let Some(gpu) = gpu() else { return };
+    let mut r = Random(4);
+    let mut bits: Vec<u32> = (0..10_000).map(|_| (2f64.powf(32.0 * r.unit()) as u32).saturating_sub(1)).collect();
+    bits.extend([0, 1, 1 << 25, (1 << 25) - 1, u32::MAX - 1, u32::MAX]);
+    let input = gpu.storage(&bits);
+    let output = gpu.zeroed::<f32>(bits.len());
+    let kernel = gpu.kernel("exponential_time", include_str!("../support/kernels/exponential_time.wgsl"), &[]);
+    let bound = [(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))];
+    kernel.run([bits.len().div_ceil(64) as u32, 1, 1], &bound);
+    for (bits, time) in bits.iter().zip(gpu.read::<f32>(&output)) {
+        let u = (f64::from(*bits) + 0.5) * 0.5f64.powi(32);
+        let expected = -(-u).ln_1p();
+        // Beyond 24 bits below 1, u is rounded.
+        let error = (f64::from(time) - expected).abs() / expected;
+        assert!(error < if u < 0.999 { 1e-4 } else { 0.5 }, "{bits}: {time}, not {expected}");
     }
 }
 

@@ -4,6 +4,7 @@
 // Lists have the order of execution.  Sums and choices must not depend on it, so that the same seed gives the same picture.
 #define_import_path bevy_restir::restir::bdpt::light_map
 
+#import bevy_restir::common::constants::ONE_MINUS_EPSILON
 #import bevy_restir::restir::stored_path::{pack_radiance, unpack_radiance}
 #import bevy_restir::view::bindings::view
 
@@ -79,10 +80,16 @@ struct Race {
 
 // `bits`: random ones of this input.  The weight is positive.
 fn race_add(race: ptr<function, Race>, index: u32, weight: f32, bits: u32) {
-    // The logarithm of a number near 1 may be rounded to 0.
-    let time = max(-log((f32(bits >> 9u) + 0.5) * 0x1p-23), 0x1p-24) / weight;
+    let time = exponential_time(bits) / weight;
     if time < (*race).time || (time == (*race).time && index < (*race).winner) {
         (*race).winner = index;
         (*race).time = time;
     }
+}
+
+// -log(1 - u) for a random number u.  Among many inputs the least time is short: u has 24 bits at every size, and short times have a series,
+// because log of a number near 1 has an absolute error of 2^-21.
+fn exponential_time(bits: u32) -> f32 {
+    let u = min((f32(bits) + 0.5) * 0x1p-32, ONE_MINUS_EPSILON);
+    return select(-log(1.0 - u), u * (1.0 + u * (0.5 + u / 3.0)), u < 0x1p-7);
 }

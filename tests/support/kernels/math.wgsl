@@ -1,5 +1,6 @@
-// Encodes and decodes directions (octahedral, equirectangular) and builds a frame.
-#import bevy_restir::common::math::{equirectangular_direction, equirectangular_uv, octahedral_decode, octahedral_encode, orthonormal_basis}
+// Encodes and decodes directions (octahedral, equirectangular), builds a frame, and computes the sine and cosine of the azimuth.
+#import bevy_restir::common::constants::TWO_PI
+#import bevy_restir::common::math::{equirectangular_direction, equirectangular_uv, octahedral_decode, octahedral_encode, orthonormal_basis, precise_sine_cosine}
 
 struct Out {
     octahedral: vec3<f32>,
@@ -7,9 +8,9 @@ struct Out {
     equirectangular: vec3<f32>,
     v: f32,
     t: vec3<f32>,
-    pad_a: f32,
+    sine: f32,
     b: vec3<f32>,
-    pad_b: f32,
+    cosine: f32,
 }
 
 @group(0) @binding(0) var<storage, read> directions: array<vec4<f32>>;
@@ -23,7 +24,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let d = directions[id.x].xyz;
     let uv = equirectangular_uv(d);
     let frame = orthonormal_basis(d);
+    let azimuth = precise_sine_cosine(TWO_PI * (uv.x - 0.5));
     results[id.x] = Out(
-        octahedral_decode(octahedral_encode(d)), uv.x, equirectangular_direction(uv), uv.y, frame[0], 0.0, frame[1], 0.0,
+        octahedral_decode(octahedral_encode(d)), uv.x, equirectangular_direction(uv), uv.y,
+        frame[0], azimuth.x, frame[1], azimuth.y,
     );
 }
