@@ -27,7 +27,7 @@ use crate::{
         RestirIgnore, RestirMaterial, Subsurface,
     },
     shader_library::ShaderLibrary,
-    system_sets::RestirSystems,
+    system_sets::{IsOn, RestirSystems, is_on},
     technique::shader_templates,
     view,
     warned::Warned,
@@ -213,14 +213,6 @@ fn renew(world: &mut World, mut is_renewal: Local<bool>) {
 /// Why the plugin is off on a device that lacks something.
 fn reason_of(missing: &'static str) -> String {
     format!("this device lacks {missing}")
-}
-
-/// Whether the present device has what the passes need.
-#[derive(Resource)]
-pub(crate) struct IsOn(bool);
-
-pub(crate) fn is_on(on: Res<IsOn>) -> bool {
-    on.0
 }
 
 /// Tells the app whether a new device has what the plugin needs.

@@ -1,6 +1,9 @@
 //! Statistics of the plugin for apps and tests.  Shaders count their own work; nothing is estimated.
 
-use bevy::{ecs::prelude::*, log::{error, warn}};
+use bevy::{
+    ecs::prelude::*,
+    log::{error, warn},
+};
 use std::sync::{
     Arc, Mutex, MutexGuard, PoisonError,
     atomic::{AtomicBool, Ordering},

@@ -1,6 +1,6 @@
-//! Names of the steps that other plugins may order their systems against.
+//! Names of the steps that other plugins may order their systems against, and the condition under which they run.
 
-use bevy::ecs::schedule::SystemSet;
+use bevy::ecs::{resource::Resource, schedule::SystemSet, system::Res};
 
 /// Steps of the plugin in the render world.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -16,4 +16,12 @@ pub enum RestirSystems {
     PrepareViews,
     /// Records the passes of each camera, in `Core3d`, before the main opaque pass.
     RunPasses,
+}
+
+/// Whether the present device has what the passes need.
+#[derive(Resource)]
+pub(crate) struct IsOn(pub bool);
+
+pub(crate) fn is_on(on: Res<IsOn>) -> bool {
+    on.0
 }

@@ -38,7 +38,7 @@ use bevy::{
 };
 use core::num::NonZeroU32;
 
-use crate::{plugin::is_on, system_sets::RestirSystems};
+use crate::system_sets::{RestirSystems, is_on};
 use bindings::SceneBindings;
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
