@@ -135,7 +135,7 @@ fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
             }
         }
     } else {
-        i = diffuse_sample(b, o, vec3<f32>(u.xy, min((v - specular) / (1.0 - specular), ONE_MINUS_EPSILON)));
+        i = diffuse_sample(b, vec3<f32>(u.xy, min((v - specular) / (1.0 - specular), ONE_MINUS_EPSILON)));
         s.lobe = LOBE_DIFFUSE;
     }
 
@@ -246,7 +246,7 @@ fn base_pdf(b: Bsdf, p: Directions, lobe: u32, specular: f32) -> f32 {
     }
     switch lobe {
         case LOBE_DIFFUSE: {
-            return (1.0 - specular) * diffuse_pdf(b, p.local_wo, p.local_wi);
+            return (1.0 - specular) * diffuse_pdf(b, p.local_wi);
         }
         case LOBE_REFLECTION: {
             if !(p.local_wi.z > 0.0) {

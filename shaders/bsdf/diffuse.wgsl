@@ -23,12 +23,12 @@ fn diffuse_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
 }
 
 // Density of wi, solid angle, given the lobe.
-fn diffuse_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
+fn diffuse_pdf(b: Bsdf, wi: vec3<f32>) -> f32 {
     return diffuse_probability(b, wi.z) * abs(wi.z) * INV_PI;
 }
 
 // Samples wi; u.z chooses the side.
-fn diffuse_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> vec3<f32> {
+fn diffuse_sample(b: Bsdf, u: vec3<f32>) -> vec3<f32> {
     let r = sqrt(u.y);
     let phi = TWO_PI * u.x;
     return vec3<f32>(r * cos(phi), r * sin(phi), diffuse_side(b, u.z) * sqrt(1.0 - u.y));

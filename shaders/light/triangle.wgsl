@@ -2,11 +2,11 @@
 // emission is multiplied by opacity.
 #define_import_path bevy_restir::light::triangle
 
-#import bevy_restir::common::constants::{MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED}
+#import bevy_restir::common::constants::MATERIAL_DOUBLE_SIDED
 #import bevy_restir::light::emitted_ray::{area_emission_density, area_emitted_ray, EmittedRay, no_emitted_ray}
 #import bevy_restir::light::types::{area_density, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
-#import bevy_restir::scene::material::{alpha_at, emission_at}
+#import bevy_restir::scene::material::{emission_at, opacity_at}
 #import bevy_restir::scene::offset::{offset_distance, offset_point, surface_point}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle, WorldTriangle}
 #import bevy_restir::view::render_layers::instance_in_layers
@@ -75,7 +75,7 @@ fn triangle_emission_density(l: LightSample) -> f32 {
 
 // Probability that the alpha test keeps the surface at a point.
 fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
-    return opacity(lights[light].data.x, lights[light].data.y, barycentrics);
+    return opacity_at(lights[light].data.x, lights[light].data.y, barycentrics);
 }
 #else
 fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
@@ -120,7 +120,7 @@ fn triangle_light_color(instance: u32, triangle: u32, barycentrics: vec2<f32>) -
     if !instance_in_layers(instance) {
         return vec3<f32>(0.0);
     }
-    return emission_at(instance, triangle, barycentrics) * opacity(instance, triangle, barycentrics);
+    return emission_at(instance, triangle, barycentrics) * opacity_at(instance, triangle, barycentrics);
 }
 
 // Density in solid angle of a uniform point of a triangle; 0 if the triangle is seen edge-on or has no area.
@@ -133,23 +133,3 @@ fn uniform_barycentrics(u: vec2<f32>) -> vec2<f32> {
     let r = sqrt(u.x);
     return vec2<f32>(r * (1.0 - u.y), r * u.y);
 }
-
-// Probability that the alpha test keeps the surface.  Shadow rays end before the light and do not test it.
-#ifdef ALPHA
-fn opacity(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    let material = instances[instance].material;
-    let flags = materials[material].flags;
-    if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
-        return 1.0;
-    }
-    let alpha = alpha_at(instance, triangle, barycentrics);
-    if (flags & MATERIAL_ALPHA_MASK) != 0u {
-        return select(0.0, 1.0, alpha >= materials[material].alpha_cutoff);
-    }
-    return clamp(alpha, 0.0, 1.0);
-}
-#else
-fn opacity(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    return 1.0;
-}
-#endif

@@ -176,6 +176,24 @@ fn shown_behind(s: Scatterer, b: BsdfSample) -> vec3<f32> {
     return shown_share(sample_diffuse_share(s.surface.bsdf, s.wo, b));
 }
 
+// Emission of a surface, with its MIS weight against NEE at the last vertex.  An unlit material shines for the camera alone.
+fn emitted_radiance(s: Surface, hit: Hit, from_point: vec3<f32>, pdf: f32, is_first: bool) -> vec3<f32> {
+    var radiance = select(vec3<f32>(0.0), s.unlit, is_first);
+    if max_component(s.emission) > 0.0 {
+        radiance += s.emission * emission_weight(s, hit, from_point, pdf);
+    }
+    return radiance;
+}
+
+// Radiance of analytic lights that a ray meets before its hit, and of the environment if it hits nothing.
+fn radiance_along(ray: Ray, hit: Hit, from_point: vec3<f32>, medium: vec3<f32>, pdf: f32) -> vec3<f32> {
+    var radiance = light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
+    if hit.instance == NONE {
+        radiance += environment_radiance(ray.direction, false) * environment_weight(ray.direction, pdf);
+    }
+    return radiance;
+}
+
 // Radiance along a camera ray with a known first hit.
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
@@ -205,13 +223,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         }
         throughput *= transmittance(medium, hit.t);
 
-        // Add emission, with its MIS weight against NEE at the last vertex.
-        if max_component(s.emission) > 0.0 {
-            radiance += shown * throughput * s.emission * emission_weight(s, hit, from_point, pdf);
-        }
-        if max_component(s.unlit) > 0.0 && scattered == 0u {
-            radiance += shown * s.unlit;
-        }
+        radiance += shown * throughput * emitted_radiance(s, hit, from_point, pdf, scattered == 0u);
         if scattered == view.bounces {
             break;
         }
@@ -260,9 +272,8 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);
         cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
-        radiance += shown * throughput * light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
+        radiance += shown * throughput * radiance_along(ray, hit, from_point, medium, pdf);
         if hit.instance == NONE {
-            radiance += shown * throughput * environment_radiance(ray.direction, false) * environment_weight(ray.direction, pdf);
             break;
         }
     }

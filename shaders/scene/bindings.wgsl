@@ -28,6 +28,11 @@
 // Elements per row, equal to `ELEMENTS_PER_ROW` in src/scene/storage/data_texture.rs.
 const ELEMENTS_PER_ROW: u32 = 1024u;
 
+// First texel of an element that has this number of texels.
+fn element_texel(index: u32, texels: u32) -> vec2<u32> {
+    return vec2<u32>(texels * (index % ELEMENTS_PER_ROW), index / ELEMENTS_PER_ROW);
+}
+
 // A view of each image whose texture slot has TEXTURE_BOUND.
 #ifdef BOUND_TEXTURES
 #ifdef RAY_QUERY

@@ -2,9 +2,9 @@
 // of them, so that the sampling code is compiled once.
 #define_import_path bevy_restir::scene::material
 
-#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_UNLIT, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
+#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_UNLIT, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
 #import bevy_restir::common::math::max_component
-#import bevy_restir::scene::bindings::{ELEMENTS_PER_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
+#import bevy_restir::scene::bindings::{element_texel, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::corners::{corner_uvs, CornerUvs}
 #import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
@@ -190,7 +190,7 @@ fn interpolate_uv_vector(uvs: CornerUvs, d: vec2<f32>) -> vec2<f32> {
 }
 
 fn table_entry(index: u32) -> vec4<u32> {
-    return textureLoad(texture_table, vec2<u32>(index % ELEMENTS_PER_ROW, index / ELEMENTS_PER_ROW), 0);
+    return textureLoad(texture_table, element_texel(index, 1u), 0);
 }
 
 // Index of the first texture slot of a record, which begins with the transform of the texture coordinates if there is one.
@@ -230,6 +230,26 @@ fn emission_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f3
 
 fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     return materials[instances[instance].material].alpha * vertex_color_at(instance, triangle, barycentrics).a;
+}
+#endif
+
+// Probability that a ray hits the surface: 0 or 1 with a mask, alpha with blending.
+#ifdef ALPHA
+fn opacity_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    let material = instances[instance].material;
+    let flags = materials[material].flags;
+    if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
+        return 1.0;
+    }
+    let alpha = alpha_at(instance, triangle, barycentrics);
+    if (flags & MATERIAL_ALPHA_MASK) != 0u {
+        return select(0.0, 1.0, alpha >= materials[material].alpha_cutoff);
+    }
+    return clamp(alpha, 0.0, 1.0);
+}
+#else
+fn opacity_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    return 1.0;
 }
 #endif
 
@@ -287,7 +307,7 @@ fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
     if (instances[instance].flags & INSTANCE_SECOND_UV) == 0u {
         return corner_uvs(triangle);
     }
-    let at = vec2<u32>(3u * (triangle % ELEMENTS_PER_ROW), triangle / ELEMENTS_PER_ROW);
+    let at = element_texel(triangle, 3u);
     if any(at + vec2<u32>(2u, 0u) >= textureDimensions(second_uvs)) {
         return CornerUvs(vec2<f32>(0.0), vec2<f32>(0.0), vec2<f32>(0.0));
     }
@@ -309,7 +329,7 @@ fn vertex_color_at(instance: u32, triangle: u32, b: vec2<f32>) -> vec4<f32> {
     if (instances[instance].flags & INSTANCE_VERTEX_COLORS) == 0u {
         return vec4<f32>(1.0);
     }
-    let at = vec2<u32>(3u * (triangle % ELEMENTS_PER_ROW), triangle / ELEMENTS_PER_ROW);
+    let at = element_texel(triangle, 3u);
     if any(at + vec2<u32>(2u, 0u) >= textureDimensions(vertex_colors)) {
         return vec4<f32>(1.0);
     }

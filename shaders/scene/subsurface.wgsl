@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::scene::subsurface
 
 #import bevy_restir::common::constants::{INSTANCE_SUBSURFACE, INSTANCE_SUBSURFACE_SHIFT}
-#import bevy_restir::scene::bindings::{ELEMENTS_PER_ROW, instances, subsurfaces}
+#import bevy_restir::scene::bindings::{element_texel, instances, subsurfaces}
 
 struct SubsurfacePoint {
     weight: vec3<f32>,         // share of reflected diffuse light that scatters below the surface
@@ -22,7 +22,7 @@ fn subsurface_at(instance: u32, base_color: vec3<f32>, front: bool, footprint: f
         return SubsurfacePoint(vec3<f32>(0.0), vec3<f32>(0.0));
     }
     let index = flags >> INSTANCE_SUBSURFACE_SHIFT;
-    let record = textureLoad(subsurfaces, vec2<u32>(index % ELEMENTS_PER_ROW, index / ELEMENTS_PER_ROW), 0);
+    let record = textureLoad(subsurfaces, element_texel(index, 1u), 0);
     let radius = subsurface_radius(record.rgb, base_color);
     let smallest = max(max(PIXEL_SHARE * footprint, OFFSET_FACTOR * offset), 1.0e-30);
     let ramp = clamp(radius / smallest - 1.0, vec3<f32>(0.0), vec3<f32>(1.0));

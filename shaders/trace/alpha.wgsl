@@ -2,23 +2,15 @@
 // hash of the seed and the triangle, so that closest-hit and any-hit rays with the same seed agree.
 #define_import_path bevy_restir::trace::alpha
 
-#import bevy_restir::common::constants::{INSTANCE_ALPHA, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK}
+#import bevy_restir::common::constants::INSTANCE_ALPHA
 #import bevy_restir::common::rng::{pcg4d, unit_float}
-#import bevy_restir::scene::bindings::{instances, materials}
-#import bevy_restir::scene::material::alpha_at
+#import bevy_restir::scene::bindings::instances
+#import bevy_restir::scene::material::opacity_at
 #import bevy_restir::trace::drawn_sides::hits_side
 
 fn passes_alpha_test(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
-    let material = instances[instance].material;
-    let flags = materials[material].flags;
-    if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
-        return true;
-    }
-    let alpha = alpha_at(instance, triangle, barycentrics);
-    if (flags & MATERIAL_ALPHA_MASK) != 0u {
-        return alpha >= materials[material].alpha_cutoff;
-    }
-    return unit_float(pcg4d(vec4<u32>(alpha_seed, instance, triangle, 0x5eedu))).x < alpha;
+    let opacity = opacity_at(instance, triangle, barycentrics);
+    return opacity >= 1.0 || unit_float(pcg4d(vec4<u32>(alpha_seed, instance, triangle, 0x5eedu))).x < opacity;
 }
 
 // Whether a ray that intersects a triangle hits it.

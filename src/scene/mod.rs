@@ -65,7 +65,7 @@ pub(crate) fn insert_resources(
         true => (MeshPool::for_ray_queries(), TopLevel::for_ray_queries()),
         false => (MeshPool::default(), TopLevel::for_software_rays(repeatable)),
     };
-    world.insert_resource(meshes.that_waits(repeatable));
+    world.insert_resource(meshes.that_may_wait(repeatable));
     world.insert_resource(InstancePool::new(top));
     world.insert_resource(max_textures.map(TexturePool::with_bindless).unwrap_or_default());
     world.insert_resource(ExtractedScene { is_new: true, ..Default::default() });

@@ -94,7 +94,7 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
     materials.limit_to(device);
     meshes.warn_of_lines_and_points(&scene.instances);
     materials.update_sources(scene);
-    let is_complete = meshes.idle(&scene.instances) && !instances.waiting;
+    let is_complete = meshes.shown_are_built(&scene.instances) && !instances.waiting;
     materials.make_room(&mut scene.instances, is_complete);
     drop(running);
     let running = times.measure(Stage::Textures);
@@ -295,7 +295,8 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools, scene: &ExtractedScene
     bindings.keeps_light_probabilities = lights.is_same() && top.radius == top.previous_sphere.1;
     bindings.edit_revision = materials.edit_revision + textures.edit_revision + instances.edit_revision;
     let poses_expected = bodies.is_ready() || !expected.contains(SceneFeatures::DEFORMATION);
-    bindings.ready = meshes.idle(&scene.instances) && !instances.waiting && textures.complete && poses_expected;
+    bindings.ready =
+        meshes.shown_are_built(&scene.instances) && !instances.waiting && textures.complete && poses_expected;
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.totals.triangles;
     bindings.instances = instances.totals.instances;

@@ -7,7 +7,7 @@ use bevy::{
         AmbientLight, DirectionalLight, DirectionalLightTexture, PointLight, PointLightTexture, SpotLight,
         SpotLightTexture, VolumetricFog,
     },
-    log::{warn, warn_once},
+    log::warn,
     mesh::Mesh3d,
     pbr::{
         AtmosphereSettings, ContactShadows, DistanceFog, Lightmap, MeshMaterial3d, ScreenSpaceAmbientOcclusion,
@@ -48,23 +48,19 @@ pub(crate) fn warn_of_unsupported(
     if cameras.is_empty() {
         return;
     }
-    if let Some(entity) = points.iter().next() {
-        warn_once!(
-            "restir: PointLightTexture of light {entity} is not supported; the light has the same intensity in all directions"
-        );
-    }
-    if let Some(entity) = spots.iter().next() {
-        warn_once!("restir: SpotLightTexture of light {entity} is not supported; the light fills its whole cone");
-    }
-    if let Some(entity) = suns.iter().next() {
-        warn_once!(
-            "restir: DirectionalLightTexture of light {entity} is not supported; the light has the same illuminance everywhere"
-        );
-    }
-    if let Some(entity) = lightmaps.iter().next() {
-        warn_once!("restir: lightmaps are not used, because paths are traced instead (entity {entity})");
-    }
-    for (component, camera, problem) in [
+    for (component, entity, problem) in [
+        (
+            "PointLightTexture",
+            points.iter().next(),
+            "is not supported; the light has the same intensity in all directions",
+        ),
+        ("SpotLightTexture", spots.iter().next(), "is not supported; the light fills its whole cone"),
+        (
+            "DirectionalLightTexture",
+            suns.iter().next(),
+            "is not supported; the light has the same illuminance everywhere",
+        ),
+        ("Lightmap", lightmaps.iter().next(), "is not used, because paths are traced instead"),
         ("DistanceFog", fog.iter().next(), "does not dim surfaces that this plugin lights"),
         ("VolumetricFog", volumes.iter().next(), DRAWN_OVER),
         ("AtmosphereSettings", air.iter().next(), DRAWN_OVER),
@@ -75,10 +71,10 @@ pub(crate) fn warn_of_unsupported(
         ("NormalPrepass", normals.iter().next(), NOT_FILLED),
         ("DeferredPrepass", deferred.iter().next(), NOT_FILLED),
     ] {
-        if let Some(camera) = camera
+        if let Some(entity) = entity
             && warned.insert(component)
         {
-            warn!("restir: {component} of camera {camera} {problem}");
+            warn!("restir: {component} of entity {entity} {problem}");
         }
     }
 }

@@ -65,8 +65,8 @@ pub struct Bdpt {
     /// MIS weights count a resampled camera path as this many samples, because pixels share camera paths but not light paths.  They count a
     /// connection as the square root of this number.  For light that arrives by a mirror or through glass, which next-event estimation cannot
     /// find, the factor favors the light path.  Larger values give less noise in light that resampling finds well, and more where light paths
-    /// would have found it better.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias.  1 to 1000;
-    /// default 16; other values have not been measured.
+    /// would have found it better.  No effect without temporal and spatial reuse, except in the order
+    /// `Spatiotemporal`.  No cost, no bias.  1 to 1000; default 16; other values have not been measured.
     pub reuse_gain: f32,
 }
 

@@ -78,9 +78,7 @@ pub(super) fn prepare_views(
             continue;
         }
         keep_last_state(restir, selection, &environments, pool, entity);
-        let viewport = UVec2::new(view.viewport.z, view.viewport.w);
-        // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
-        let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
+        let target_size = target_size_of(view, resolution_override);
         let frame = selection.key.unwrap_or(selection.requested).frame;
         let size = fit_to_device(ids, restir, frame, target_size, limit, &mut warned);
         let environment = environments.views_of(restir.environment.as_ref()).map_err(|error| ("environment", error));
@@ -120,6 +118,12 @@ pub(super) fn prepare_views(
         }
         pool.views.insert(entity, state);
     }
+}
+
+/// The size of the shown image, pixels.  An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
+fn target_size_of(view: &ExtractedView, resolution_override: Option<&MainPassResolutionOverride>) -> UVec2 {
+    let viewport = UVec2::new(view.viewport.z, view.viewport.w);
+    resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE)
 }
 
 /// A camera keeps its settings and its environment until the pipelines of the new ones are compiled and the image is there.

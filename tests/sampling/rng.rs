@@ -116,7 +116,7 @@ fn encoded_directions_decode_to_the_same_direction() {
         );
         let azimuth = (f64::from(octahedral[3]) - 0.5) * std::f64::consts::TAU;
         let apart = (f64::from(t[3]) - azimuth.sin()).abs().max((f64::from(b[3]) - azimuth.cos()).abs());
-        assert!(apart < 5e-7, "sine {} and cosine {} of {azimuth}", t[3], b[3]);
+        assert!(apart < 1e-6, "sine {} and cosine {} of {azimuth}", t[3], b[3]);
         let (t, b) = (vector(t), vector(b));
         assert!(t.dot(b).abs().max(t.dot(d).abs()).max(b.dot(d).abs()) < 1e-6, "{d}: not orthogonal");
         assert!((t.cross(b) - d).length() < 1e-6, "{d}: not right-handed");

@@ -16,7 +16,7 @@ use bevy::{
         renderer::RenderDevice,
     },
 };
-use bevy_restir::{DebugView, Restir, SceneFeatures};
+use bevy_restir::{DebugView, Restir, RestirExpected, SceneFeatures};
 
 /// Like [`Rig::new`].  `None`, with a message, where the adapter has no texture arrays; with `TEXTURE_ARRAYS=required` that is a failure.
 fn binding(width: u32, height: u32) -> Option<Rig> {
@@ -365,4 +365,18 @@ fn a_bound_texture_is_right_or_missing_until_it_is_ready() {
         assert!(binds(&rig), "the feature is kept for a while after the image");
         assert_eq!(rig.picture(1).center(), expected);
     }
+}
+
+/// An app may announce textures before it loads the first image.
+#[test]
+fn textures_that_are_expected_before_the_first_image_leave_the_scene_lit() {
+    let Some(mut rig) = binding(16, 16) else { return };
+    rig.app.insert_resource(RestirExpected { textures: true, ..default() });
+    rig.set(|restir| *restir = Restir { bounces: 1, ..plain() });
+    rig.insert(rig.camera, sky(1.0));
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    let picture = rig.picture(16);
+    assert!(binds(&rig), "the pipelines bind textures");
+    assert!((picture.center().x - 0.5).abs() < 0.2, "{}", picture.center());
+    rig.assert_sound();
 }

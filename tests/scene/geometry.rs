@@ -86,8 +86,7 @@ fn bad_triangles_are_dropped_and_counted() {
         triangles_of(&list(&positions).with_inserted_indices(Indices::U32(numbers))).expect("one triangle is left");
     assert_eq!((geometry.corners(), geometry.vertices.len()), (vec![bad(0.0)], 3));
     assert_eq!(geometry.dropped, Dropped { out_of_range: 2, non_finite: 3, degenerate: 2 });
-    let text =
-        "has triangles that are left out: 2 with indices out of range and 3 with coordinates that are not finite";
+    let text = "has triangles that are left out: 2 with indices out of range and 3 with coordinates that are not finite or beyond 1e12 m";
     assert_eq!(geometry.dropped.complaint().as_deref(), Some(text));
     // Most spheres have such triangles at their poles.
     assert_eq!(Dropped { degenerate: 96, ..Dropped::default() }.complaint(), None);

@@ -97,23 +97,16 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             hit_analytic_light(w, s, index, step, ray, medium, reconnects, alpha_seed, c, previous);
             return;
         }
-        var instance = s.instance;
-        var triangle = s.triangle;
-        var barycentrics = s.barycentrics;
-        // The lobe before the reconnection is rough, so no ray cone is propagated across it.
-        var hit_distance = 0.0;
+        var hit = Hit(0.0, s.instance, s.triangle, s.barycentrics);
         if !reconnects {
-            let hit = replayed_hit(ray, alpha_seed, previous);
-            instance = hit.instance;
-            triangle = hit.triangle;
+            hit = replayed_hit(ray, alpha_seed, previous);
             let may_reconnect = (s.reconnection == 0u || index < s.reconnection) && (*w).before.rough;
-            barycentrics = vertex_barycentrics(hit.barycentrics, may_reconnect);
-            hit_distance = hit.t;
+            hit.barycentrics = vertex_barycentrics(hit.barycentrics, may_reconnect);
         } else if !is_reconnection_point {
             (*w).rays = with_shadow_ray((*w).rays, ray, alpha_seed);
-            instance = NONE;
+            hit.instance = NONE;
         }
-        if instance == NONE {
+        if hit.instance == NONE {
             if is_last && s.termination == TERMINATION_ENVIRONMENT {
                 hit_environment(w, s, index, step, c, previous);
             } else {
@@ -122,9 +115,9 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             return;
         }
 
-        // Arrive there.
-        let cone = step_cone((*w).v, step, hit_distance);
-        let n = surface_at(instance, triangle, barycentrics, -step.wi, cone, previous);
+        // Arrive there.  The lobe before a reconnection is rough, so that the ray cone is not propagated across it: t is 0.
+        let cone = step_cone((*w).v, step, hit.t);
+        let n = surface_at(hit.instance, hit.triangle, hit.barycentrics, -step.wi, cone, previous);
         if is_reconnection_point {
             reconnect(w, s, n, medium, alpha_seed, c, previous);
             if c.diffuse_secondary {
@@ -133,7 +126,8 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         }
         arrive(w, s, index, step, n, medium, cone, c);
         if is_last && (*w).reason == SHIFT_OK {
-            end_on_light(w, s, index, step, n.emission, emitter_sample(n, step.wi, instance, triangle, at.position, previous), c);
+            let light = emitter_sample(n, step.wi, hit.instance, hit.triangle, at.position, previous);
+            end_on_light(w, s, index, step, n.emission, light, c);
         }
         if !COPIES_MIS {
             (*w).state = state_at((*w).state, n, step.wi, at.position, c.counts);

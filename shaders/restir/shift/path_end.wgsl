@@ -124,7 +124,7 @@ fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, r
     if !COPIES_MIS {
         coefficients = mis_sum_of_hit((*w).state, l, step.delta, index, c.counts);
     }
-    end_path(w, s, index, radiance, coefficients);
+    end_path(w, s, radiance, coefficients);
 }
 
 // The MIS weight of the shifted path, with these coefficients of its own or with those that the path stores.
@@ -146,8 +146,8 @@ fn stored_weight_of_shifted(s: PathSample, state: CameraState) -> f32 {
 }
 #endif
 
-// Contribution of a path that ends with this radiance at the vertex of this index, or behind it.
-fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, coefficients: vec3<f32>) {
+// Contribution of a path that ends with this radiance.
+fn end_path(w: ptr<function, Walk>, s: PathSample, radiance: vec3<f32>, coefficients: vec3<f32>) {
     (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of_shifted(s, coefficients, (*w).state);
     (*w).path = with_suffix((*w).path, (*w).suffix * radiance, coefficients);
 }
@@ -171,7 +171,7 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
     if !require_same_last_vertex(w, s, index, nee.pdf_bsdf, c) {
         return;
     }
-    end_path(w, s, index, nee.f, mis_sum_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
+    end_path(w, s, nee.f, mis_sum_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
     // From the reconnection vertex on, visibility changes only where something moved.
     if index < s.reconnection || retrace {
         let ray = ray_to_light((*w).v.surface, nee.light, previous);
@@ -209,7 +209,7 @@ fn end_with_connection(w: ptr<function, Walk>, s: PathSample, index: u32, c: Shi
         (*w).path = with_mis_of(with_connection(s, k), s);
         (*w).f = (*w).throughput * k.f * k.light * weight_of_shifted(s, coefficients, (*w).state);
     } else {
-        end_path(w, s, index, k.f * k.light, coefficients);
+        end_path(w, s, k.f * k.light, coefficients);
     }
 }
 #else

@@ -199,8 +199,8 @@ fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {
     )
 }
 
-// Where boxes are nested in each other, PLOC merges only one pair in each round, so that its time is quadratic: minutes for 1e5 boxes.  The
-// depth of the tree over a subset of the boxes reveals such input.
+/// Where boxes are nested in each other, PLOC merges only one pair in each round, so that its time is quadratic: minutes for 1e5 boxes.  The
+/// depth of the tree over a subset of the boxes reveals such input.
 fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
     const SAMPLE: usize = 1024;
     if leaves.len() < 4 * SAMPLE {
@@ -210,7 +210,7 @@ fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
     binary_depth(&agglomerate(&sample, parameters)) > MAX_BINARY_DEPTH
 }
 
-// Indices of the boxes, sorted by the Morton code of their centers with 10 bits per axis.
+/// Indices of the boxes, sorted by the Morton code of their centers with 10 bits per axis.
 fn morton_order(boxes: &[Bounds]) -> Vec<u32> {
     let center = |(min, max): &Bounds| -> [f32; 3] { std::array::from_fn(|k| 0.5 * min[k] + 0.5 * max[k]) };
     let (low, high) = bounds_of(&boxes.iter().map(center).collect::<Vec<_>>());
@@ -226,7 +226,7 @@ fn morton_order(boxes: &[Bounds]) -> Vec<u32> {
     order.into_iter().map(|(_, i)| i).collect()
 }
 
-// Converts a binary tree to a compressed 8-wide tree; `None` if either is too deep.
+/// Converts a binary tree to a compressed 8-wide tree; `None` if either is too deep.
 fn convert(binary: &Bvh2, max_leaf: u32, max_depth: u32) -> Option<Tree> {
     if binary_depth(binary) > MAX_BINARY_DEPTH {
         return None;
@@ -250,7 +250,7 @@ fn binary_depth(tree: &Bvh2) -> u32 {
     deepest
 }
 
-// Children come after their parent, so one pass suffices.
+/// Children come after their parent, so one pass suffices.
 fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
     let count = nodes.len() / NODE_STRIDE as usize;
     let mut depth = vec![1; count];
@@ -264,7 +264,7 @@ fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
     depth.into_iter().max().unwrap_or(0)
 }
 
-// Halves the list recursively, so that the depth is logarithmic for any boxes.
+/// Halves the list recursively, so that the depth is logarithmic for any boxes.
 fn balanced(order: &[u32], leaves: &[Leaf]) -> Bvh2 {
     let mut tree = Bvh2 { nodes: vec![Bvh2Node::default()], primitive_indices: order.to_vec(), ..Default::default() };
     let mut stack = vec![(0, 0..order.len())];

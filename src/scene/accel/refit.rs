@@ -4,8 +4,6 @@
 //! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: the [`cost`] measures by how
 //! much.
 
-use std::collections::BinaryHeap;
-
 use crate::gpu_layout::{NODE_STRIDE, NONE};
 use crate::scene::accel::{
     blas::{Bounds, NO_BOUNDS, joined},
@@ -104,27 +102,23 @@ impl Refit {
             self.fit_all(tree, instances);
             return (0..self.boxes.len()).collect();
         }
-        let mut due = BinaryHeap::new();
         for place in moved {
-            self.enqueue(self.leaf_nodes[*place as usize], &mut due);
+            self.is_due[self.leaf_nodes[*place as usize] as usize] = true;
         }
         let mut fitted = Vec::new();
-        // Children come after their parent, so the last node in the queue waits for no other.
-        while let Some(index) = due.pop() {
-            self.is_due[index as usize] = false;
-            fitted.push(index as usize);
-            if self.fit(index as usize, tree, instances) {
-                self.enqueue(self.parents[index as usize], &mut due);
+        // Children come after their parent, so that a node waits for no node before it.
+        for index in (0..self.boxes.len()).rev() {
+            if !core::mem::take(&mut self.is_due[index]) {
+                continue;
+            }
+            fitted.push(index);
+            let has_changed = self.fit(index, tree, instances);
+            if let Some(parent) = self.is_due.get_mut(self.parents[index] as usize).filter(|_| has_changed) {
+                *parent = true;
             }
         }
         fitted.reverse();
         fitted
-    }
-
-    fn enqueue(&mut self, node: u32, due: &mut BinaryHeap<u32>) {
-        if node != NONE && !core::mem::replace(&mut self.is_due[node as usize], true) {
-            due.push(node);
-        }
     }
 
     fn fit_all(&mut self, tree: &mut Tlas, instances: &[(u32, Bounds)]) {
@@ -216,12 +210,23 @@ fn area([low, high]: [[f64; 3]; 2]) -> f64 {
     x * y + y * z + z * x
 }
 
-/// The areas of the children of a node.
+/// The areas of the children of a node, half of each.
 fn area_of_children(node: &[[u32; 4]]) -> f64 {
-    (0..CHILDREN)
-        .filter(|slot| !matches!(child(node, *slot), Child::Empty))
-        .map(|slot| area(child_box(node, slot)))
-        .sum()
+    // Sums of the faces in cells: whole numbers, which need no decoding of the planes.
+    let mut faces = [0; 3];
+    for slot in (0..CHILDREN).filter(|slot| !is_empty(node, *slot)) {
+        let plane = |k: usize, word: usize| node[2 + k][word + slot / 4] >> (8 * (slot % 4)) & 0xff;
+        let [x, y, z]: [u32; 3] = core::array::from_fn(|k| plane(k, 2).saturating_sub(plane(k, 0)));
+        faces = [faces[0] + x * y, faces[1] + y * z, faces[2] + z * x];
+    }
+    let [x, y, z]: [f64; 3] = core::array::from_fn(|k| cell(node[0][3] >> (8 * k) & 0xff));
+    let [xy, yz, zx] = faces.map(f64::from);
+    xy * x * y + yz * y * z + zx * z * x
+}
+
+fn is_empty(node: &[[u32; 4]], slot: usize) -> bool {
+    let code = node[1][2 + slot / 4] >> (8 * (slot % 4)) & 0xff;
+    node[0][3] >> (24 + slot) & 1 == 0 && code >> 5 == 0
 }
 
 /// Expected number of boxes that a random ray through the tree hits: the areas of all children relative to that of the root.
@@ -233,7 +238,7 @@ pub(crate) fn cost(nodes: &[[u32; 4]]) -> f64 {
 fn relative_cost(areas: impl Iterator<Item = f64>, nodes: &[[u32; 4]]) -> f64 {
     let mut all = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     if let Some(root) = nodes.get(..STRIDE) {
-        for slot in (0..CHILDREN).filter(|slot| !matches!(child(root, *slot), Child::Empty)) {
+        for slot in (0..CHILDREN).filter(|slot| !is_empty(root, *slot)) {
             let [low, high] = child_box(root, slot);
             all = [core::array::from_fn(|k| all[0][k].min(low[k])), core::array::from_fn(|k| all[1][k].max(high[k]))];
         }

@@ -74,12 +74,14 @@ pub fn inverse(rows: &Rows) -> Option<Rows> {
     // The columns of the inverse times the determinant.
     let columns = [b.cross(c), c.cross(a), a.cross(b)];
     let determinant = a.dot(columns[0]);
-    // Divided by the product of the row lengths, the determinant does not depend on scale: it is 1 for orthogonal rows.
-    let volume = a.length() * b.length() * c.length();
-    if !determinant.is_finite() || determinant.abs() <= volume * 1.0e-10 {
+    // Divided by the product of the row lengths, the determinant does not depend on scale: it is 1 for orthogonal rows.  Squares need no
+    // roots, and those of f32 numbers do not overflow.
+    let volume_squared = a.length_squared() * b.length_squared() * c.length_squared();
+    if !determinant.is_finite() || determinant * determinant <= volume_squared * 1.0e-20 {
         return None;
     }
-    let [x, y, z] = columns.map(|column| column / determinant);
+    let reciprocal = 1.0 / determinant;
+    let [x, y, z] = columns.map(|column| column * reciprocal);
     let origin = -(x * translation[0] + y * translation[1] + z * translation[2]);
     let result: Rows = std::array::from_fn(|r| [x[r] as f32, y[r] as f32, z[r] as f32, origin[r] as f32]);
     let finite = result.iter().chain(rows).flatten().all(|x: &f32| x.is_finite());

@@ -146,6 +146,17 @@ impl InstanceList {
         &self.posed
     }
 
+    /// Takes over the transform of an entity, if a camera sees its instance.
+    fn move_to(&mut self, entity: MainEntity, world_from_object: Affine3A) {
+        if let Some(Some(instance)) = self.all.get_mut(&entity)
+            && instance.world_from_object != world_from_object
+        {
+            instance.world_from_object = world_from_object;
+            self.moved.push(entity);
+            self.visited += 1;
+        }
+    }
+
     /// Takes over the state of an entity.
     pub(crate) fn set(&mut self, entity: MainEntity, state: EntityState) {
         let [before, after] = match state {
@@ -307,12 +318,12 @@ impl Instances<'_, '_> {
     }
 }
 
-/// A component of the row has changed.
+/// A component of the row has changed; not the transform alone, unless the level of detail depends on it.
 type Touched = Or<(
     Changed<Mesh3d>,
     Changed<MeshMaterial3d<StandardMaterial>>,
     Changed<RestirMaterial>,
-    Changed<GlobalTransform>,
+    (Changed<GlobalTransform>, With<VisibilityRange>),
     Changed<InheritedVisibility>,
     Changed<RenderLayers>,
     Changed<NotShadowCaster>,
@@ -325,6 +336,7 @@ type Touched = Or<(
 #[derive(SystemParam)]
 pub(crate) struct InstanceChanges<'w, 's> {
     rows: Query<'w, 's, InstanceData<'static>, (Without<RestirIgnore>, Touched)>,
+    transforms: Query<'w, 's, (Entity, &'static GlobalTransform), (With<Mesh3d>, Changed<GlobalTransform>)>,
     ignored: Query<'w, 's, Entity, (With<Mesh3d>, Added<RestirIgnore>)>,
     /// Queries that do not name `Disabled` leave these entities out.
     disabled: Query<'w, 's, Entity, (With<Mesh3d>, Added<Disabled>)>,
@@ -404,6 +416,9 @@ pub(crate) fn extract_instances(
     for row in &changes.rows {
         list.visited += 1;
         list.set(row.0.into(), EntityState::Mesh(instances.instance(row, &sets, viewpoint)));
+    }
+    for (entity, transform) in &changes.transforms {
+        list.move_to(entity.into(), transform.affine());
     }
     for entity in others {
         list.touch(entity, &instances, &sets, viewpoint);

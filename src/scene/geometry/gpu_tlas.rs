@@ -46,8 +46,10 @@ impl GpuTlas {
         queue: &RenderQueue,
     ) -> u64 {
         let mut runs = joined_runs(nodes.iter().copied());
-        let words_of = |run: &Range<usize>| &tlas.nodes[run.start * STRIDE..run.end * STRIDE];
-        let mut words: Vec<[u32; 4]> = runs.iter().flat_map(words_of).copied().collect();
+        let mut words: Vec<[u32; 4]> = Vec::new();
+        for run in &runs {
+            words.extend_from_slice(&tlas.nodes[run.start * STRIDE..run.end * STRIDE]);
+        }
         bake(&mut words, self.range.start, 0);
         let first = self.range.start as usize;
         runs.iter_mut().for_each(|run| *run = first + run.start..first + run.end);

@@ -178,7 +178,7 @@ impl InstancePool {
         let membership_changed = self.appeared || !self.gone.is_empty();
         self.membership_revision += u64::from(membership_changed);
         self.motion_revision += u64::from(self.moved || membership_changed);
-        if self.overflow.should_warn(self.left_out, sources.meshes.idle(&scene.instances) && !self.waiting) {
+        if self.overflow.should_warn(self.left_out, sources.meshes.shown_are_built(&scene.instances) && !self.waiting) {
             let (left_out, limit) = (self.left_out, sources.limit);
             warn!("restir: {left_out} objects are left out, because this device binds at most {limit} instances");
         }

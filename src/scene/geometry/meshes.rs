@@ -298,7 +298,7 @@ impl MeshPool {
     }
 
     /// The pool.  `waits`: pictures must be repeatable, so frames wait for copies of emissive meshes.
-    pub(crate) fn that_waits(mut self, waits: bool) -> Self {
+    pub(crate) fn that_may_wait(mut self, waits: bool) -> Self {
         self.copies.waits = waits;
         self
     }
@@ -471,7 +471,7 @@ impl MeshPool {
     }
 
     /// Whether no mesh that an instance shows is being built or read back.
-    pub(crate) fn idle(&self, instances: &InstanceList) -> bool {
+    pub(crate) fn shown_are_built(&self, instances: &InstanceList) -> bool {
         !self.awaits_copies() && self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
     }
 

@@ -125,8 +125,8 @@ impl TopLevel {
         }
     }
 
-    /// Refits or rebuilds the tree if its entries or their bounds changed, and returns whether those of the scene did.  The tree of the last
-    /// frame stays on the GPU for one frame.
+    /// Refits or rebuilds the tree if its entries or their bounds changed.  Returns whether an instance appeared, disappeared or moved; another
+    /// grouping of instances at rest does not count.  The tree of the last frame stays on the GPU for one frame.
     pub(super) fn rebuild(
         &mut self,
         instances: &InstancePool,

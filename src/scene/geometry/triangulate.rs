@@ -176,7 +176,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     Ok(geometry)
 }
 
-// A packed vertex.  Without a normal, the mesh's tangent is ignored, as in glTF, because tangents are perpendicular to normals.
+/// A packed vertex.  Without a normal, the mesh's tangent is ignored, as in glTF, because tangents are perpendicular to normals.
 fn vertex_of(index: usize, position: V3, [normals, uvs, tangents]: [Option<&VertexAttributeValues>; 3]) -> GpuVertex {
     let normal = normals.and_then(|values| unit(first_three(read(values, index))));
     let tangent = tangents.map(|values| read(values, index)).and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
@@ -195,7 +195,7 @@ fn uv_of(values: Option<&VertexAttributeValues>, index: usize) -> [f32; 2] {
     [finite_or_zero(u), finite_or_zero(v)]
 }
 
-// Colors of unlit objects may exceed 1, for glow.
+/// Colors of unlit objects may exceed 1, for glow.
 fn half_color([r, g, b, a]: [f32; 4]) -> HalfColor {
     let most = f16::MAX.to_f32();
     [(r, most), (g, most), (b, most), (a, 1.0)]
@@ -221,7 +221,7 @@ fn attribute(mesh: &Mesh, kind: MeshVertexAttribute) -> Result<Option<&VertexAtt
     mesh.try_attribute_option(kind).map_err(|_| GeometryError::Extracted)
 }
 
-// Visits the vertex indices of each triangle, in order.  Triangles with equal indices, which join the parts of a strip, are skipped.
+/// Visits the vertex indices of each triangle, in order.  Triangles with equal indices, which join the parts of a strip, are skipped.
 fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mut visit: impl FnMut([usize; 3])) {
     const RESTART: usize = usize::MAX;
     let numbers: Box<dyn Iterator<Item = usize>> = match indices {
@@ -255,7 +255,7 @@ fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mu
     }
 }
 
-// Number of components that `read` returns; 0 for an unsupported format.
+/// Number of components that `read` returns; 0 for an unsupported format.
 fn width(values: &VertexAttributeValues) -> usize {
     use VertexAttributeValues as V;
     match values {
@@ -268,7 +268,7 @@ fn width(values: &VertexAttributeValues) -> usize {
     }
 }
 
-// The value of one vertex as floats; missing components are 0.  Beyond the last vertex it is NaN, which every caller replaces.
+/// The value of one vertex as floats; missing components are 0.  Beyond the last vertex it is NaN, which every caller replaces.
 fn read(values: &VertexAttributeValues, i: usize) -> [f32; 4] {
     fn get<T: Copy, const N: usize>(v: &[[T; N]], i: usize, float: impl Fn(T) -> f32) -> [f32; 4] {
         let Some(x) = v.get(i) else { return [f32::NAN; 4] };
@@ -310,13 +310,13 @@ fn format_name(values: &VertexAttributeValues) -> &'static str {
     }
 }
 
-// f64 avoids overflow and the cancellation in the differences.
+/// f64 avoids overflow and the cancellation in the differences.
 fn has_area(p: &[V3; 3]) -> bool {
     let n = cross(subtract(p[1], p[0]), subtract(p[2], p[0]));
     dot(n, n) > MIN_SQUARED_DOUBLE_AREA
 }
 
-// The normalized part of `t` perpendicular to `n`; any vector perpendicular to `n` if that part vanishes.
+/// The normalized part of `t` perpendicular to `n`; any vector perpendicular to `n` if that part vanishes.
 fn perpendicular(t: V3, n: V3) -> V3 {
     let (t, n) = (t.map(f64::from), n.map(f64::from));
     let along = dot(t, n);

@@ -127,7 +127,8 @@ impl LightPool {
         self.warned.begin_frame();
         self.update_table(scene, instances, meshes, materials, limit);
         let [triangles, others] = self.left_out;
-        if self.overflow.should_warn(triangles + others, meshes.idle(&scene.instances) && !instances.waiting) {
+        if self.overflow.should_warn(triangles + others, meshes.shown_are_built(&scene.instances) && !instances.waiting)
+        {
             warn!(
                 "restir: this device can bind {limit} lights at most: {triangles} emissive triangles are found by BSDF sampling only \
                  (noisier, not darker), {others} other lights are left out (darker)"

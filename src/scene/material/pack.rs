@@ -52,16 +52,12 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
         _ => set(true, MATERIAL_ALPHA_BLEND),
     }
 
-    // Absorption coefficient: white light has the color `attenuation_color` after `attenuation_distance`.  A white color or an infinite
-    // distance absorbs nothing.
-    let distance = m.attenuation_distance;
     let thickness = finite(m.thickness, 0.0).max(0.0);
     // A thin wall has no interior that could absorb, and what transmits nothing has none that light reaches.
     let has_interior = unit(m.specular_transmission) > 0.0 || unit(m.diffuse_transmission) > 0.0;
-    let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 && has_interior {
-        m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| (-unit(c).max(1e-6).ln() / distance).min(1e30))
-    } else {
-        [0.0; 3]
+    let attenuation = match thickness > 0.0 && has_interior {
+        true => absorption(unit_rgb(m.attenuation_color.to_linear().to_f32_array_no_alpha()), m.attenuation_distance),
+        false => [0.0; 3],
     };
 
     let emissive = if m.unlit {
@@ -96,6 +92,15 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
         ..Default::default()
     };
     (packed, has_replaced.get())
+}
+
+/// Absorption coefficient of an interior in which white light has a color after a distance.  A white color or an infinite distance absorbs
+/// nothing.
+fn absorption(color: [f32; 3], distance: f32) -> [f32; 3] {
+    match distance.is_finite() && distance > 0.0 {
+        true => color.map(|c| (-c.max(1e-6).ln() / distance).min(1e30)),
+        false => [0.0; 3],
+    }
 }
 
 /// Perceptual roughness below which the denoiser follows rays.

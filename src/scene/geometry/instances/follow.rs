@@ -1,10 +1,11 @@
 //! Visits to instances of which only the transform has changed.
 
-use bevy::render::sync_world::MainEntity;
+use bevy::{asset::AssetId, mesh::Mesh, render::sync_world::MainEntity};
 
 use super::InstancePool;
 use crate::gpu_layout::{INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_MIRRORED};
 use crate::scene::{
+    accel::blas::Bounds,
     extract::instances::{ExtractedInstance, InstanceList, sorted},
     geometry::instance_record::{InstanceSources, Placement},
     geometry::meshes::MeshPool,
@@ -21,9 +22,10 @@ impl InstancePool {
         sources: &InstanceSources,
     ) -> Vec<MainEntity> {
         let mut rest = Vec::new();
+        let mut bounds = MeshBounds { meshes: sources.meshes, last: None };
         for entity in moved {
             let has_followed = due.binary_search(entity).is_err()
-                && list.get(*entity).is_some_and(|extracted| self.follow_one(extracted, sources.meshes));
+                && list.get(*entity).is_some_and(|extracted| self.follow_one(extracted, &mut bounds));
             if !has_followed {
                 rest.push(*entity);
             }
@@ -36,7 +38,7 @@ impl InstancePool {
     }
 
     /// Takes over the transform of an instance.  Returns false and does nothing if more than its placement changes.
-    fn follow_one(&mut self, extracted: &ExtractedInstance, meshes: &MeshPool) -> bool {
+    fn follow_one(&mut self, extracted: &ExtractedInstance, meshes: &mut MeshBounds) -> bool {
         let Some(&slot) = self.slots.get(&extracted.entity) else { return false };
         let index = slot as usize;
         if self.visited_in[index] == self.frame {
@@ -47,8 +49,8 @@ impl InstancePool {
         if record.flags & INSTANCE_DEFORMED != 0 || live.mesh != extracted.mesh {
             return false;
         }
-        let Some(mesh) = meshes.get(live.mesh) else { return false };
-        let Some(placement) = Placement::new(&extracted.world_from_object, &mesh.bounds) else { return false };
+        let Some(bounds) = meshes.bounds(live.mesh) else { return false };
+        let Some(placement) = Placement::new(&extracted.world_from_object, &bounds) else { return false };
         // Other flags need another slot.
         if (record.flags & INSTANCE_MIRRORED != 0) != placement.is_mirrored {
             return false;
@@ -90,5 +92,21 @@ impl InstancePool {
         self.visited_in[slot as usize] = self.frame;
         self.visited += 1;
         self.dirty.push(slot);
+    }
+}
+
+/// Looks up the bounds of meshes.  Many instances in a row show the same mesh.
+struct MeshBounds<'a> {
+    meshes: &'a MeshPool,
+    last: Option<(AssetId<Mesh>, Bounds)>,
+}
+
+impl MeshBounds<'_> {
+    /// The bounds of a mesh that has been built.
+    fn bounds(&mut self, mesh: AssetId<Mesh>) -> Option<Bounds> {
+        if self.last.is_none_or(|(last, _)| last != mesh) {
+            self.last = Some((mesh, self.meshes.get(mesh)?.bounds));
+        }
+        self.last.map(|(_, bounds)| bounds)
     }
 }
