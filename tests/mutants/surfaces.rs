@@ -115,8 +115,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "blended surfaces stop rays by the square of their alpha",
         "trace/alpha.wgsl",
-        ".x < alpha;",
-        ".x < alpha * alpha;",
+        ".x < opacity;",
+        ".x < opacity * opacity;",
         &["alpha_lets_rays_through"],
     ),
     // Rays, media, random numbers.
