@@ -10,7 +10,10 @@ use bevy::{
         settings::WgpuFeatures,
     },
 };
-use bevy_restir::{DebugView, EmissiveLuminance, Jitter, RestirBudget, RestirEnvironment, Technique};
+use bevy_restir::{
+    DebugView, EmissiveLuminance, Jitter, RestirBudget, RestirEnvironment, Technique,
+    testing::shader_library::ShaderEdit,
+};
 
 /// A lit plane with a texture, and handles to what the tests change.
 struct Scene {
@@ -43,6 +46,24 @@ fn scene() -> Option<Scene> {
     rig.insert(rig.camera, map);
     rig.set(|restir| (restir.bounces, restir.jitter) = (2, Jitter::Always));
     Some(Scene { rig, plane, light, texture, environment })
+}
+
+/// f32 counts no further than 2^24, so that colors alone would grow.  Here a sum is full after four frames.
+#[test]
+fn a_full_sum_stays_as_it_is() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let small = ShaderEdit {
+        module: "view/pixel_light.wgsl",
+        from: "MAX_ACCUMULATED: f32 = 16777216.0",
+        to: "MAX_ACCUMULATED: f32 = 4.0",
+    };
+    plant_edits(&mut rig.app, &[small]);
+    for technique in [Technique::Reference, Technique::Di] {
+        rig.set(|restir| (restir.technique, restir.accumulate) = (technique, true));
+        let full = rig.picture(4);
+        let later = rig.next();
+        assert_eq!(full.pixels, later.pixels, "{technique:?}");
+    }
 }
 
 #[test]
