@@ -13,10 +13,10 @@ use bevy::{
 /// changes later, they compile in the background, and histories restart once, when they are ready.  A kind that is taken out again stays in
 /// the shaders only while the scene has such objects.
 ///
-/// Cost: while a kind is expected, shaders keep its code, whether or not the scene has such objects: frames take as long as if it had
-/// some that are out of sight (`lab features` measures each kind in a scene).  Three kinds also take memory and passes: `subsurface` has reservoirs and
-/// passes of its own, `smooth_materials` and `glass` a pass and 48 bytes a pixel of the denoiser.  No bias: the light is the same, and
-/// pictures differ by rounding at most.
+/// Cost: while a kind is expected, shaders keep its code, whether or not the scene has such objects: frames take as long as if it had some
+/// that are out of sight (`lab features` measures each kind in a scene).  Three kinds also take memory and passes: `subsurface` has
+/// reservoirs and passes of its own, `smooth_materials` and `glass` a pass and 48 bytes a pixel of the denoiser.  No bias: the light is the
+/// same, and pictures differ by rounding at most.
 ///
 /// Environments of cameras and the settings of cameras are not among the kinds: a camera that gets its first sky or another technique keeps
 /// its last picture until new pipelines are compiled.

@@ -136,14 +136,14 @@ pub struct Restir {
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
     /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
     pub energy_compensation: bool,
-    /// Limits single very bright pixels (fireflies) of the displayed frame; reservoirs keep the full value.  The light that a pixel's surface scatters is
-    /// limited to this number times that of the brightest of the eight pixels around it.  Only neighbors that show the same object count,
-    /// and a pixel with fewer than three of them is not limited.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and on
-    /// debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
+    /// Limits single very bright pixels (fireflies) of the displayed frame; reservoirs keep the full value.  The light that a pixel's surface
+    /// scatters is limited to this number times that of the brightest of the eight pixels around it.  Only neighbors that show the same object
+    /// count, and a pixel with fewer than three of them is not limited.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and
+    /// on debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
     /// glints and texture details that are smaller than a pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
-    /// Removes noise from the displayed frame by a filter over frames and pixels; reservoirs are not filtered.  Biased: blurs fine shadows.  Default:
-    /// [`Denoiser::ON`]; [`Denoiser::OFF`] for frames that something else filters or averages.
+    /// Removes noise from the displayed frame by a filter over frames and pixels; reservoirs are not filtered.  Biased: blurs fine shadows.
+    /// Default: [`Denoiser::ON`]; [`Denoiser::OFF`] for frames that something else filters or averages.
     pub denoiser: Denoiser,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,

@@ -1,13 +1,13 @@
 //! Extracts mesh instances: a list persists between frames, and each frame updates the instances that have changed.
 
-use super::{ExtractedScene, users::Users};
+use super::{ExtractedScene, poses::PoseSources, users::Users};
 use crate::cpu_times::{CpuTimes, Stage};
 use crate::scene::{
     geometry::render_layers::LayerSets, geometry::rig::Pose, geometry::visibility_range::VisibilityRanges,
 };
 use crate::settings::{RestirIgnore, RestirMaterial, Subsurface};
 use bevy::{
-    asset::{AssetId, Assets},
+    asset::AssetId,
     camera::{
         primitives::Aabb,
         visibility::{InheritedVisibility, RenderLayers, VisibilityRange},
@@ -15,11 +15,7 @@ use bevy::{
     ecs::{entity::EntityHash, entity_disabling::Disabled, prelude::*, query::ROQueryItem, system::SystemParam},
     light::NotShadowCaster,
     math::{Affine3A, Vec3A},
-    mesh::{
-        Mesh, Mesh3d,
-        morph::{MeshMorphWeights, MorphWeights},
-        skinning::{SkinnedMesh, SkinnedMeshInverseBindposes},
-    },
+    mesh::{Mesh, Mesh3d, morph::MeshMorphWeights, skinning::SkinnedMesh},
     pbr::{MeshMaterial3d, StandardMaterial},
     platform::collections::{HashMap, HashSet},
     render::{
@@ -244,42 +240,6 @@ type InstanceData<'a> = (
     Option<&'a MeshMorphWeights>,
     Option<&'a Subsurface>,
 );
-
-/// The data that poses depend on, apart from the components of an instance.
-#[derive(SystemParam)]
-pub(crate) struct PoseSources<'w, 's> {
-    inverse_bindposes: Option<Res<'w, Assets<SkinnedMeshInverseBindposes>>>,
-    joints: Query<'w, 's, &'static GlobalTransform>,
-    weights: Query<'w, 's, &'static MorphWeights>,
-}
-
-impl PoseSources<'_, '_> {
-    /// The pose of an instance; `None` if nothing bends it.
-    fn pose(&self, skin: Option<&SkinnedMesh>, morph: Option<&MeshMorphWeights>) -> Option<Box<Pose>> {
-        if skin.is_none() && morph.is_none() {
-            return None;
-        }
-        let weights = morph.map(|morph| match morph {
-            MeshMorphWeights::Value { weights } => weights.clone(),
-            MeshMorphWeights::Reference(entity) => {
-                self.weights.get(*entity).map_or(Vec::new(), |weights| weights.weights().to_vec())
-            }
-        });
-        let joints = skin.and_then(|skin| self.joints(skin)).unwrap_or_default();
-        Some(Box::new(Pose::new(joints, weights.unwrap_or_default())))
-    }
-
-    /// For each joint the transform from the mesh at rest to the world; `None` while the skin is not loaded.  A joint that does not exist
-    /// counts as one without a transform.
-    fn joints(&self, skin: &SkinnedMesh) -> Option<Vec<Affine3A>> {
-        let bindposes = self.inverse_bindposes.as_ref()?.get(&skin.inverse_bindposes)?;
-        let joints = skin.joints.iter().zip(bindposes.iter()).map(|(&joint, bindpose)| {
-            let world_from_joint = self.joints.get(joint).map_or(Affine3A::IDENTITY, GlobalTransform::affine);
-            world_from_joint * Affine3A::from_mat4(*bindpose)
-        });
-        Some(joints.collect())
-    }
-}
 
 /// The mesh instances of the main world.
 #[derive(SystemParam)]

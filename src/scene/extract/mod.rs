@@ -4,6 +4,7 @@
 
 pub(crate) mod instances;
 pub(crate) mod lights;
+mod poses;
 mod users;
 
 use bevy::{
