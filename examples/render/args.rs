@@ -50,7 +50,7 @@ pub struct Args {
     /// lit by a gray studio, with a warning.
     #[arg(long, value_parser = environment::parse)]
     pub env: Option<Environment>,
-    /// Exposure value at ISO 100, or `auto`. Without it the exposure is 1, at which a radiance of 1 cd/m² is white. `auto` is
+    /// Exposure value at ISO 100, or `auto`. Without it the exposure is 1: 1 cd/m² is 1 before tone mapping. `auto` is
     /// log2(L / (1.2 * 0.18)), where L is the logarithmic mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L
     /// becomes middle gray. With `auto` a .png shows one frame or sample more than asked for, because its exposure is known only after the
     /// others.

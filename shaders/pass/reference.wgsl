@@ -39,7 +39,10 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     let index = pixel_index(pixel);
-    let before = select(vec4<f32>(0.0), radiance[index], view.accumulated > 0u);
+    var before = vec4<f32>(0.0);
+    if view.accumulated > 0u {
+        before = radiance[index];
+    }
     radiance[index] = add_to_sum(before, displayed(guarded_pixel(sample)));
     add_rays(pixel);
     end_pixel(pixel);

@@ -76,7 +76,10 @@ fn signal(light: vec3<f32>, albedo: vec3<f32>) -> vec4<f32> {
 
 fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
     let index = pixel_index(pixel);
-    let before = select(vec4<f32>(0.0), radiance[index], view.accumulated > 0u);
+    var before = vec4<f32>(0.0);
+    if view.accumulated > 0u {
+        before = radiance[index];
+    }
     radiance[index] = add_to_sum(before, guarded_pixel(directly_seen(ids, pixel) + scattered.rgb));
     end_pixel(pixel);
 }

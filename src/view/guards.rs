@@ -10,7 +10,7 @@ pub struct Guard {
     pub bit: u32,
     /// The error in a pixel that raises it.
     pub meaning: &'static str,
-    /// Whether no scene may raise it; otherwise very bright lights or bodies with many surfaces may.
+    /// Whether only an error of ours raises it; otherwise a scene beyond our limits may.
     pub is_bug: bool,
 }
 

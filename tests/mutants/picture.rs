@@ -39,8 +39,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "frames are not added up",
         "pass/resolve.wgsl",
-        "select(vec4<f32>(0.0), radiance[index], view.accumulated > 0u)",
-        "vec4<f32>(0.0)",
+        "before = radiance[index];",
+        "",
         &["samples_add_up", "direct_light_accumulates"],
     ),
     mutant(
