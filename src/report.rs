@@ -58,11 +58,10 @@ pub struct RestirReport {
     /// costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
     /// How often the histories of the cameras that exist now restarted, and why.  `start`: the first frame, or the frame before was not
-    /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: its image
-    /// changed, or it appeared or disappeared; `size`; `settings`; `render_layers`; `projection`: from perspective to orthographic or back,
-    /// or `Camera::invert_culling` changed; `pipelines`: the technique or the debug view changed, the first translucent object appeared or the
-    /// last one disappeared, or shaders have been compiled for the first light of a kind, the first material with a new kind of paths or the
-    /// first object that render layers hide.
+    /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `size`; `settings`;
+    /// `render_layers`; `projection`: from perspective to orthographic or back, or `Camera::invert_culling` changed; `pipelines`: the
+    /// technique or the debug view changed, the first translucent object appeared or the last one disappeared, or shaders have been compiled
+    /// for the first light of a kind, the first material with a new kind of paths or the first object that render layers hide.
     /// One frame may count for several reasons.  Techniques without a history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
     /// Number of steps by which [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras.  The first steps take samples

@@ -5,11 +5,12 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
+#import bevy_restir::view::bindings::view
 
 // The id in this frame of a light of the last frame; NONE if it was removed.
 fn current_light_id(previous: u32) -> u32 {
     if previous == ENVIRONMENT_LIGHT {
-        return previous;
+        return select(NONE, previous, environment_existed());
     }
     return light_in_other_frame(previous, true);
 }
@@ -27,7 +28,16 @@ fn current_light_of(record: u32) -> u32 {
 
 // Whether a light of this frame exists, or (`previous`) existed in the last frame.
 fn light_exists(light: u32, previous: bool) -> bool {
-    return light == ENVIRONMENT_LIGHT || light_record(light, previous) != NONE;
+    if light == ENVIRONMENT_LIGHT {
+        return !previous || environment_existed();
+    }
+    return light_record(light, previous) != NONE;
+}
+
+// Whether the last frame had the environment of this one.  After a change of its image it counts as another light, whose color in the last
+// frame is 0 (`src/view/uniforms.rs`).
+fn environment_existed() -> bool {
+    return any(view.previous_environment_color > vec3<f32>(0.0));
 }
 
 // Index in `lights` of a light of this frame, as it is or (`previous`) as it was in the last frame; NONE if it did not exist.

@@ -31,7 +31,8 @@ pub struct RestirEnvironment {
     /// nearly black at the exposure of Bevy's default camera.
     pub color: LinearRgba,
     /// Equirectangular image of radiance, cd/m² before `color` and `intensity` multiply it: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
-    /// A camera keeps its last environment until a new image is loaded, and then restarts the history.  Default: none, a uniform environment.
+    /// A camera keeps its last environment until a new image is loaded.  The history then goes on, without the light of the old image.
+    /// Default: none, a uniform environment.
     pub image: Option<Handle<Image>>,
     /// Multiplies color and image.  Negative values count as 0.  Default 1.
     pub intensity: f32,

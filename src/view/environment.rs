@@ -3,8 +3,8 @@
 //! An importance map is filled once, and again when the image changes.  An image that the GPU can write (`RENDER_ATTACHMENT` or
 //! `STORAGE_BINDING` among its usages: the target of a camera, a `GeneratedEnvironmentMapLight`, the maps of an atmosphere) may change in
 //! every frame without notice.  Its importance map is filled in every frame, from the pixels of the frame before; that costs half a million
-//! cells that each read the image, and ten reduction dispatches.  Meanwhile frames are not accumulated and no history is kept, as for an
-//! image that the app edits in every frame.
+//! cells that each read the image, and ten reduction dispatches.  Meanwhile frames are not accumulated, and paths to the
+//! environment are not taken from the last frame, as for an image that the app edits in every frame.
 
 use bevy::{
     asset::{AssetId, AssetServer},

@@ -37,8 +37,6 @@ pub(crate) enum Reset {
     Requested,
     /// An edit of the scene that histories do not survive.
     Scene,
-    /// The image of the environment changed, or the environment appeared or disappeared.
-    Environment,
     Size,
     Settings,
     RenderLayers,
@@ -51,11 +49,10 @@ pub(crate) enum Reset {
 
 impl Reset {
     /// All reasons with their names in the report.
-    const ALL: [(Self, &str); 9] = [
+    const ALL: [(Self, &str); 8] = [
         (Self::Start, "start"),
         (Self::Requested, "requested"),
         (Self::Scene, "scene"),
-        (Self::Environment, "environment"),
         (Self::Size, "size"),
         (Self::Settings, "settings"),
         (Self::RenderLayers, "render_layers"),
@@ -97,17 +94,17 @@ impl ImageState {
     }
 
     /// The changes after which temporal reuse must not read the last frame's reservoirs.  It handles changes of instances, lights, the camera,
-    /// the rotation and color of the environment, and the number of samples.  The background may change because no path contains it.
+    /// the environment, and the number of samples.  The background may change because no path contains it.
     fn resets_since(&self, last: &Self) -> impl Iterator<Item = Reset> {
         // All fields are named, so that a new one cannot be forgotten.
         let Self {
             motion_revision: _,
             edit_revision,
-            environment_revision,
+            environment_revision: _,
             camera: _,
             size,
             settings,
-            environment,
+            environment: _,
             layers,
             background: _,
             shows_earlier: _,
@@ -115,15 +112,8 @@ impl ImageState {
             sees_back_faces,
             pipelines,
         } = self;
-        let same_environment = match (environment, &last.environment) {
-            (Some(now), Some(before)) => {
-                ExtractedEnvironment { rotation: before.rotation, color: before.color, ..*now } == *before
-            }
-            (now, before) => now.is_none() && before.is_none(),
-        };
         [
             (Reset::Scene, *edit_revision != last.edit_revision),
-            (Reset::Environment, *environment_revision != last.environment_revision || !same_environment),
             (Reset::Size, *size != last.size),
             (Reset::Settings, settings.history_key() != last.settings.history_key()),
             (Reset::RenderLayers, *layers != last.layers),
@@ -146,7 +136,13 @@ impl ImageState {
     /// Whether the environment and the shaders are those of the last frame.
     fn has_environment_of(&self, last: &Self) -> bool {
         let [features, of_last] = [self, last].map(|state| state.pipelines.features.of_pictures());
-        self.environment == last.environment && features == of_last
+        self.environment == last.environment && self.has_environment_image_of(last) && features == of_last
+    }
+
+    /// Whether the image of the environment is that of the last frame.
+    fn has_environment_image_of(&self, last: &Self) -> bool {
+        let image = |state: &Self| (state.environment.and_then(ExtractedEnvironment::key), state.environment_revision);
+        image(self) == image(last)
     }
 
     /// Whether the random sequence continues.  Changes of the scene, the camera and the number of samples must not restart it, because the
@@ -177,6 +173,7 @@ impl RestirView {
         let accumulates = sums && (is_progressive || settings.accumulate);
         self.moved = last.is_some_and(|last| state.has_moved_since(last));
         self.same_environment = last.is_some_and(|last| state.has_environment_of(last));
+        self.same_environment_image = last.is_some_and(|last| state.has_environment_image_of(last));
         self.still = can_accumulate;
         if !is_progressive {
             self.resets.add(&resets);

@@ -99,6 +99,8 @@ pub(crate) struct RestirView {
     pub(super) moved: bool,
     /// The environment and the shaders are those of the last frame.
     pub(super) same_environment: bool,
+    /// The image of the environment is that of the last frame.
+    pub(super) same_environment_image: bool,
     /// Nothing that the image depends on has changed since the last frame.
     pub(super) still: bool,
     /// The jitter is that of the last frame.
@@ -203,6 +205,7 @@ impl RestirView {
             image_state: None,
             moved: false,
             same_environment: false,
+            same_environment_image: false,
             still: false,
             has_last_jitter: false,
             environment_views: environment.map(TextureView::clone),

@@ -333,7 +333,7 @@ fn restarts_of_a_history_are_counted_by_reason() {
     assert_eq!(begun(&mut rig), [("size", 1)]);
     let image = rig.add(map(90));
     rig.insert(rig.camera, RestirEnvironment { image: Some(image), ..sky(0.1) });
-    assert_eq!(begun(&mut rig), [("environment", 1)]);
+    assert_eq!(begun(&mut rig), [], "another image of the sky");
     // Techniques without a history count nothing.
     rig.set(|restir| restir.technique = Technique::Reference);
     assert_eq!(begun(&mut rig), []);

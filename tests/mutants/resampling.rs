@@ -332,6 +332,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["reads_of_the_last_frame_equal_those_of_that_frame"],
     ),
     mutant(
+        "the environment of the last frame has the color of this one",
+        "light/environment.wgsl",
+        "select(view.environment_color, view.previous_environment_color, previous)",
+        "view.environment_color",
+        &["a_sky_with_other_pixels_has_its_light_at_once"],
+    ),
+    mutant(
         "lights keep the ids of the last frame",
         "restir/di/domain.wgsl",
         "r.point.light = current_light_id(s.point.light);",

@@ -127,15 +127,51 @@ fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
     proof.check("sky", &mut rig, &all);
 }
 
+/// The images of the sky before the last step and in it.
+#[derive(Component)]
+struct Skies([Handle<Image>; 2]);
+
+/// A room that another sky lights in the last step ([`pose_skies`]): the suns of the two stand elsewhere.
+fn below_two_skies(rig: &mut Rig) {
+    surrounded(rig, true);
+    let evening =
+        texture(16, 8, |x, y| if (x, y) == (4, 2) { [255; 4] } else { [60 - 3 * x as u8, 10 + 5 * y as u8, 20, 255] });
+    let evening = rig.add::<Image>(evening);
+    let day = rig.get_mut::<RestirEnvironment>(rig.camera).image.clone().expect("the sky has an image");
+    rig.insert(rig.camera, Skies([day, evening]));
+}
+
+fn pose_skies(rig: &mut Rig, step: u32) {
+    let sky = rig.get_mut::<Skies>(rig.camera).0[usize::from(step >= STEPS)].clone();
+    rig.get_mut::<RestirEnvironment>(rig.camera).image = Some(sky);
+}
+
+/// The light of the old sky is left out of the history, and that of the new one has none.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_of_another_sky_equals_the_reference_at_once() {
+    let Some(mut rig) = scene(64, below_two_skies) else { return };
+    // Both images are loaded.
+    for step in [STEPS, 0] {
+        pose_skies(&mut rig, step);
+        rig.until_ready();
+    }
+    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_skies), ..Proof::of((40, 1), (14, 32)) };
+    let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
+    let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
+    proof.check("two skies", &mut rig, &all);
+}
+
 /// Light sub-paths of the last frame are replayed among lights and objects that appear, disappear and change, and below a sky that turns.
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_light_paths_in_scenes_that_change_equal_the_reference() {
     type Scene = (&'static str, fn(&mut Rig), fn(&mut Rig, u32));
-    let scenes: [Scene; 3] = [
+    let scenes: [Scene; 4] = [
         ("edited", edited, pose_edited),
         ("passing", passing, pose_passing),
         ("sky", |rig| surrounded(rig, true), pose_sky),
+        ("two skies", below_two_skies, pose_skies),
     ];
     for (name, make, pose) in scenes {
         let Some(mut rig) = scene(48, make) else { return };

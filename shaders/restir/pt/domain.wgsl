@@ -5,12 +5,13 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::current_light_id
+#import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::connection::count::connections_of_vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, shift_result, TERMINATION_NEE, with_shift_result}
+#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, shift_result, TERMINATION_ENVIRONMENT, TERMINATION_NEE, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
 #import bevy_restir::restir::shift::hybrid::{hybrid_shift, replays}
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
@@ -224,6 +225,8 @@ fn path_in_current_frame(path: PathSample) -> PathSample {
     if path.termination == TERMINATION_NEE || path.light.light != NONE {
         p.light.light = current_light_id(path.light.light);
         p.length = select(path.length, 0u, p.light.light == NONE);
+    } else if path.termination == TERMINATION_ENVIRONMENT && current_light_id(ENVIRONMENT_LIGHT) == NONE {
+        p.length = 0u;
     }
     return p;
 }

@@ -10,14 +10,14 @@
 #import bevy_restir::light::light::environment_light
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
 #import bevy_restir::light::remap::{light_exists, light_record}
-#import bevy_restir::light::types::LightSample
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::nee_contribution
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, path_alpha_seed}
 #import bevy_restir::path::shadow_ray::ray_to_light
 #import bevy_restir::path::technique_weights::{CameraState, mis_sum_of_hit, mis_sum_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{Step, Vertex}
-#import bevy_restir::restir::path_sample::{COPIES_MIS, PathSample, with_mis_of, with_suffix}
+#import bevy_restir::restir::path_sample::{COPIES_MIS, PathSample, TERMINATION_ENVIRONMENT, with_mis_of, with_suffix}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, light_factor, PreviousVertex, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{SHIFT_EARLIER_CONNECTABLE, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, with_shadow_ray}
 #ifdef CONNECTIONS
@@ -51,6 +51,15 @@ fn ends_on_analytic_light(s: PathSample) -> bool {
     return false;
 }
 #endif
+
+// Whether the light of a path exists, or (`previous`) existed in the last frame.  A path does not know the light of a triangle that its last
+// ray hit.
+fn end_exists(s: PathSample, previous: bool) -> bool {
+    if s.light.light != NONE {
+        return light_exists(s.light.light, previous);
+    }
+    return s.termination != TERMINATION_ENVIRONMENT || light_exists(ENVIRONMENT_LIGHT, previous);
+}
 
 // Ends the path on its spherical or rectangular light: at the point that it stores, or where the ray now hits the light.
 fn hit_analytic_light(
@@ -185,7 +194,7 @@ fn end_with_connection(w: ptr<function, Walk>, s: PathSample, index: u32, c: Shi
     let v = (*w).v;
     var k = stored_connection(v, s);
     if retrace || stores_light_vertex(s) {
-        var end = Retraced(s, instance_exists(s.instance, previous) && light_exists(s.light.light, previous));
+        var end = Retraced(s, instance_exists(s.instance, previous));
         if retrace {
             end = retraced(s, previous);
         }
