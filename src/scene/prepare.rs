@@ -32,7 +32,7 @@ use super::{
     geometry::{bodies::BodyPool, instance_record::InstanceSources, instances::InstancePool, meshes::MeshPool},
     light::lights::LightPool,
     material::{directional_albedo, materials::MaterialPool, subsurface::SubsurfacePool},
-    storage::growable_buffer::GrowableBuffer,
+    storage::{growable_buffer::GrowableBuffer, uploads::Uploads},
     texture::textures::TexturePool,
 };
 
@@ -152,12 +152,12 @@ fn update_instances_and_lights(
     // The buffer also holds the records that only the table of the last frame has, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
-    if lights.visited > 0 || meshes.has_more_copies() {
+    if lights.meshes_changed || meshes.has_more_copies() {
         meshes.update_copies(&lights.emissive_meshes(), device, queue);
     }
     #[cfg(feature = "testing")]
     if context.check.is_some() {
-        lights.check(instances);
+        lights.check(scene, instances, meshes, materials);
     }
 }
 
@@ -187,22 +187,26 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
     let running = times.measure(Stage::Bodies);
     let uploaded_poses = bodies.deform(meshes, pipelines, device, queue);
     drop(running);
-    let running = times.measure(Stage::TopLevel);
-    instances.build_top_level(meshes, bodies, device, queue);
-    drop(running);
+    // The buffer of nodes grows here, before the nodes of a refitted tree are copied to it.
     let running = times.measure(Stage::Lights);
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
     drop(running);
+    let mut uploads = Uploads::new(device, queue);
+    let running = times.measure(Stage::TopLevel);
+    instances.build_top_level(meshes, bodies, &mut uploads);
+    drop(running);
     let _running = times.measure(Stage::Upload);
-    meshes.uploaded
+    let bytes = meshes.uploaded
         + uploaded_poses
         + instances.top.uploaded_nodes
         + uploaded_shapes
-        + materials.upload(device, queue)
+        + materials.upload(&mut uploads)
         + subsurface.upload(device, queue)
-        + instances.upload(device, queue)
-        + lights.upload(device, queue)
-        + meshes.update_corner_textures(instances.totals.features(), bodies.sources(), device, queue)
+        + instances.upload(&mut uploads)
+        + lights.upload(&mut uploads)
+        + meshes.update_corner_textures(instances.totals.features(), bodies.sources(), device, queue);
+    uploads.submit();
+    bytes
 }
 
 fn uniforms(pools: &Pools) -> GpuSceneUniforms {

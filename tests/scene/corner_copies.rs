@@ -72,6 +72,9 @@ fn a_copy_that_comes_late_adds_its_lights() {
     hold_corner_copies(&mut rig.app, false);
     rig.frames(2);
     assert_eq!((rig.report().lights, copies(&rig)), (2 + BALL, 2));
+    rig.frames(2);
+    let visited = rig.report().visited;
+    assert!(visited.iter().all(|(_, count)| *count == 0), "nothing changes any more: {visited:?}");
 }
 
 #[test]

@@ -67,7 +67,12 @@ fn come_or_go(rig: &mut Rig, there: &mut Option<Entity>, guest: impl Bundle) {
 
 /// Emissive triangles whose areas the last frame computed.
 fn visited(report: &RestirReport) -> u64 {
-    report.visited.iter().find(|(name, _)| *name == "emissive_triangles").map_or(0, |(_, count)| *count)
+    visited_of(report, "emissive_triangles")
+}
+
+/// Elements of a kind that the last frame looked at.
+fn visited_of(report: &RestirReport, kind: &str) -> u64 {
+    report.visited.iter().find(|(name, _)| *name == kind).map_or(0, |(_, count)| *count)
 }
 
 /// 0 and another value in turn.
@@ -106,6 +111,33 @@ fn a_change_of_one_emitter_sends_no_triangles_of_the_others() {
         scene.rig.frame();
         assert_eq!((visited(&scene.rig.report()), scene.rig.report().lights), (0, 2 * BALL));
     }
+    assert_eq!(scene.rig.picture(4), fresh.rig.picture(4));
+}
+
+/// A motion without another size leaves the table as it is, so that the frame need not look at the other emitters.
+#[test]
+fn only_a_ball_that_changes_its_size_makes_a_frame_look_at_the_others() {
+    type Edit = fn(&mut Transform, f32);
+    let edits: [(&str, u64, Edit); 4] = [
+        ("it moves", 1, |place, i| place.translation.x = 0.01 * i - 2.0),
+        ("it turns on the spot", 1, |place, i| place.rotation = Quat::from_rotation_y(0.3 * i)),
+        ("it grows", 3, |place, i| place.scale = Vec3::splat(1.0 + 0.1 * i)),
+        ("it moves again", 1, |place, i| place.translation.x = -2.0 - 0.01 * i),
+    ];
+    let Some(mut scene) = Balls::new() else { return };
+    for (name, emitters, edit) in edits {
+        for i in 1..=4u8 {
+            edit(&mut scene.rig.get_mut::<Transform>(scene.balls[0]), f32::from(i));
+            scene.rig.frame();
+            let report = scene.rig.report();
+            assert_eq!((visited_of(&report, "emitters"), visited(&report)), (emitters, 0), "{name}");
+        }
+        scene.rig.frame();
+        assert_eq!(visited_of(&scene.rig.report(), "emitters"), 0, "{name}: it rests");
+    }
+    let mut fresh = Balls::new().expect("there is an adapter");
+    let last = *scene.rig.get_mut::<Transform>(scene.balls[0]);
+    *fresh.rig.get_mut::<Transform>(fresh.balls[0]) = last;
     assert_eq!(scene.rig.picture(4), fresh.rig.picture(4));
 }
 

@@ -5,7 +5,10 @@ use std::ops::Range;
 
 use crate::gpu_layout::*;
 use crate::scene::{
-    accel::blas::bake, accel::tlas::Tlas, geometry::meshes::MeshPool, storage::dirty_runs::joined_runs,
+    accel::blas::bake,
+    accel::tlas::Tlas,
+    geometry::meshes::MeshPool,
+    storage::{dirty_runs::joined_runs, uploads::Uploads},
 };
 
 const STRIDE: usize = NODE_STRIDE as usize;
@@ -37,14 +40,7 @@ impl GpuTlas {
     }
 
     /// Writes some nodes, in ascending order, of a tree with the topology of this one.  Returns the number of bytes sent.
-    fn write_nodes(
-        &self,
-        tlas: &Tlas,
-        nodes: &[usize],
-        meshes: &MeshPool,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> u64 {
+    fn write_nodes(&self, tlas: &Tlas, nodes: &[usize], meshes: &MeshPool, uploads: &mut Uploads) -> u64 {
         let mut runs = joined_runs(nodes.iter().copied());
         let mut words: Vec<[u32; 4]> = Vec::new();
         for run in &runs {
@@ -53,7 +49,7 @@ impl GpuTlas {
         bake(&mut words, self.range.start, 0);
         let first = self.range.start as usize;
         runs.iter_mut().for_each(|run| *run = first + run.start..first + run.end);
-        meshes.nodes.write_packed(&runs, bytemuck::cast_slice(&words), device, queue)
+        meshes.nodes.write_packed(&runs, bytemuck::cast_slice(&words), uploads)
     }
 
     /// Index of the root node, or `NONE` for an empty tree.
@@ -117,11 +113,10 @@ impl TlasPair {
         tlas: &Tlas,
         changed: Vec<usize>,
         meshes: &mut MeshPool,
-        device: &RenderDevice,
-        queue: &RenderQueue,
+        uploads: &mut Uploads,
     ) -> Option<u64> {
         let Some(old) = self.replaced.take_if(|_| self.differences.is_some()) else {
-            let bytes = self.replace(tlas, meshes, device, queue)?;
+            let bytes = self.replace(tlas, meshes, uploads.device, uploads.queue)?;
             self.differences = Some(changed);
             return Some(bytes);
         };
@@ -130,7 +125,7 @@ impl TlasPair {
         // Two sorted lists, which this sort merges.
         missing.sort();
         missing.dedup();
-        let bytes = old.write_nodes(tlas, &missing, meshes, device, queue);
+        let bytes = old.write_nodes(tlas, &missing, meshes, uploads);
         self.turn_to(old);
         self.differences = Some(changed);
         Some(bytes)

@@ -18,10 +18,7 @@ use bevy::{
     ecs::resource::Resource,
     log::{warn, warn_once},
     mesh::Mesh,
-    render::{
-        renderer::{RenderDevice, RenderQueue},
-        sync_world::{MainEntity, MainEntityHashMap, MainEntityHashSet},
-    },
+    render::sync_world::{MainEntity, MainEntityHashMap, MainEntityHashSet},
 };
 
 use crate::gpu_layout::*;
@@ -36,7 +33,9 @@ use crate::scene::{
     geometry::meshes::MeshPool,
     geometry::top_level::TopLevel,
     geometry::totals::Totals,
-    storage::{dirty_runs::joined_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
+    storage::{
+        dirty_runs::joined_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning, uploads::Uploads,
+    },
 };
 use crate::warned::Warned;
 use problems::InstanceProblem;
@@ -57,10 +56,11 @@ pub(crate) struct InstancePool {
     /// The instances that are not in `order` yet.
     newcomers: Vec<(MainEntity, u32)>,
     pub totals: Totals,
-    /// The records that the GPU has.
-    uploaded: Vec<GpuInstance>,
-    /// Slots whose records may differ from those that the GPU has; some more than once.
+    /// Slots whose records have changed since the GPU got them; some more than once.
     dirty: Vec<u32>,
+    /// What the last comparison found.
+    #[cfg(feature = "testing")]
+    checked: check::Checked,
     /// Instances to visit in the next frame even if nothing changes.
     unsettled: Vec<MainEntity>,
     /// Slots of instances that have moved or appeared in this frame.
@@ -73,8 +73,8 @@ pub(crate) struct InstancePool {
     pub substitutes: Vec<AssetId<Mesh>>,
     /// Instances whose triangles are lights.
     emitters: MainEntityHashSet,
-    /// An instance whose triangles are lights was visited since [`Self::take_emitters_changed`].
-    emitters_changed: bool,
+    /// Instances whose triangles are lights, or were, that may have changed since [`Self::take_changed_emitters`]; some more than once.
+    changed_emitters: Vec<MainEntity>,
     /// Instances that were visited in this frame.
     pub visited: u64,
     /// An instance has moved in this frame.
@@ -112,15 +112,16 @@ impl Default for InstancePool {
             order: Vec::new(),
             newcomers: Vec::new(),
             totals: Totals::default(),
-            uploaded: Vec::new(),
             dirty: Vec::new(),
+            #[cfg(feature = "testing")]
+            checked: check::Checked::default(),
             unsettled: Vec::new(),
             settling: Vec::new(),
             frame: 0,
             visited_in: Vec::new(),
             substitutes: Vec::new(),
             emitters: MainEntityHashSet::default(),
-            emitters_changed: false,
+            changed_emitters: Vec::new(),
             visited: 0,
             moved: false,
             appeared: false,
@@ -189,10 +190,16 @@ impl InstancePool {
         self.frame += 1;
         self.asset_wait.begin_frame();
         self.warned.begin_frame();
-        for (slot, _) in self.gone.drain(..) {
-            self.records[slot as usize] = freed(&self.records[slot as usize]);
-            self.dirty.push(slot);
+        for (slot, _) in core::mem::take(&mut self.gone) {
+            self.write(slot, freed(self.get(slot)));
             self.free.push(slot);
+        }
+    }
+
+    /// Replaces the record of a slot, and marks it for the upload if that changes it.
+    fn write(&mut self, slot: u32, record: GpuInstance) {
+        if core::mem::replace(&mut self.records[slot as usize], record) != record {
+            self.dirty.push(slot);
         }
     }
 
@@ -228,8 +235,7 @@ impl InstancePool {
             self.settling.push(slot);
         }
         self.visited_in[slot as usize] = self.frame;
-        self.records[slot as usize] = instance;
-        self.dirty.push(slot);
+        self.write(slot, instance);
         // A `NotShadowCaster` is not in the tree.  The camera still sees it, because the visibility pass rasterizes it.
         let ray_mask = if extracted.casts_shadows { extracted.camera_mask } else { 0 };
         let live = LiveInstance {
@@ -251,7 +257,9 @@ impl InstancePool {
     fn enter(&mut self, slot: u32, live: LiveInstance) {
         let old = self.live[slot as usize].replace(live);
         self.top.note(slot, old.and_then(|old| old.traced_bounds()), live.traced_bounds());
-        self.emitters_changed |= live.emits || old.is_some_and(|old| old.emits);
+        if live.emits || old.is_some_and(|old| old.emits) {
+            self.changed_emitters.push(live.entity);
+        }
         if old.is_some_and(|old| LiveInstance { bounds: live.bounds, ..old } == live) {
             return;
         }
@@ -280,27 +288,31 @@ impl InstancePool {
         self.gone.push((slot, entity));
         let Some(old) = self.live[slot as usize].take() else { return };
         self.top.note(slot, old.traced_bounds(), None);
-        self.emitters_changed |= old.emits;
-        self.emitters.remove(&old.entity);
+        if old.emits {
+            self.changed_emitters.push(old.entity);
+            self.emitters.remove(&old.entity);
+        }
         self.totals.subtract(&old);
     }
 
     /// Marks the slots of instances that have disappeared, and those that edited instances had.
     fn retire(&mut self, bodies: &BodyPool) {
-        for &(slot, entity) in &self.gone {
-            let record = &mut self.records[slot as usize];
+        let gone = core::mem::take(&mut self.gone);
+        for &(slot, entity) in &gone {
+            let record = *self.get(slot);
             // The body of an edited instance is posed in this frame, and its triangles of the last frame lie behind the new ones.  A body that
             // has disappeared is not posed, so that its first triangles are still those of the last frame.
             let is_posed = bodies.get(entity).is_some_and(|body| body.triangles().start == record.first_triangle);
             let outdated = if is_posed { INSTANCE_APPEARED } else { INSTANCE_APPEARED | INSTANCE_DEFORMED };
-            *record = GpuInstance {
+            let marked = GpuInstance {
                 previous_world_from_object: record.world_from_object,
                 first_light: NONE,
                 flags: record.flags & !outdated | INSTANCE_GONE,
-                ..*record
+                ..record
             };
-            self.dirty.push(slot);
+            self.write(slot, marked);
         }
+        self.gone = gone;
     }
 
     /// The slot of an entity: that of the last frame if the instance has at most moved, else another one.  `None` if it has none and all
@@ -348,11 +360,10 @@ impl InstancePool {
 
     /// Sets the light id of the first triangle in a slot; those of the other triangles follow it.
     pub(crate) fn set_first_light(&mut self, slot: u32, light: u32) {
-        self.records[slot as usize].first_light = light;
-        self.dirty.push(slot);
+        self.write(slot, GpuInstance { first_light: light, ..*self.get(slot) });
     }
 
-    /// Slots whose records may have changed in this frame; some more than once.
+    /// The slots whose records have changed in this frame, and those that the GPU does not have yet for lack of memory; some more than once.
     pub(super) fn changed_slots(&self) -> &[u32] {
         &self.dirty
     }
@@ -396,60 +407,54 @@ impl InstancePool {
 
     /// The instances whose triangles are lights, with their slots, in the order of their entities.
     pub(crate) fn emitters(&self) -> Vec<(u32, &LiveInstance)> {
-        let slots = self.emitters.iter().filter_map(|entity| self.slots.get(entity).copied());
-        let mut emitters: Vec<_> = slots.filter_map(|slot| Some((slot, self.live_in(slot)?))).collect();
+        let mut emitters: Vec<_> = self.emitters.iter().filter_map(|entity| self.emitter(*entity)).collect();
         emitters.sort_unstable_by_key(|(_, live)| live.entity);
         emitters
     }
 
-    /// Whether an instance whose triangles are lights was visited, or has disappeared, since the last call.
-    pub(crate) fn take_emitters_changed(&mut self) -> bool {
-        core::mem::take(&mut self.emitters_changed)
+    /// The instance of an entity with its slot, if its triangles are lights.
+    pub(crate) fn emitter(&self, entity: MainEntity) -> Option<(u32, &LiveInstance)> {
+        let slot = *self.slots.get(&entity)?;
+        Some((slot, self.live_in(slot)?)).filter(|(_, live)| live.emits)
+    }
+
+    /// Takes the instances whose triangles are lights, or were, that may have changed since the last call; some more than once.
+    pub(crate) fn take_changed_emitters(&mut self) -> Vec<MainEntity> {
+        core::mem::take(&mut self.changed_emitters)
     }
 
     /// Rebuilds the top level if any bounds changed.
-    pub(crate) fn build_top_level(
-        &mut self,
-        meshes: &mut MeshPool,
-        bodies: &BodyPool,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) {
+    pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, bodies: &BodyPool, uploads: &mut Uploads) {
         let mut top = core::mem::take(&mut self.top);
         top.begin_frame();
         self.sort();
         let was_rebuilt = match top.structures.is_some() {
-            true => top.update_structures(self, meshes, bodies, device, queue),
-            false => top.rebuild(self, meshes, device, queue),
+            true => top.update_structures(self, meshes, bodies, uploads.device, uploads.queue),
+            false => top.rebuild(self, meshes, uploads),
         };
         self.motion_revision += u64::from(was_rebuilt);
         self.top = top;
     }
 
     /// Uploads the records that changed.  Returns the number of bytes sent.
-    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub(crate) fn upload(&mut self, uploads: &mut Uploads) -> u64 {
         self.fits = true;
         if self.dirty.is_empty() {
             return 0;
         }
         self.dirty.sort();
         self.dirty.dedup();
-        let differs = |slot: &usize| self.uploaded.get(*slot) != Some(&self.records[*slot]);
-        let runs = joined_runs(self.dirty.iter().map(|slot| *slot as usize).filter(differs));
-        if !runs.is_empty() && !self.gpu.reserve(self.records.len() as u32, device, queue) {
+        if !self.gpu.reserve(self.records.len() as u32, uploads.device, uploads.queue) {
             warn_once!(
                 "restir: the records of {} instances do not fit this device or its memory; Bevy lights all cameras until they fit",
                 self.records.len()
             );
+            // The slots stay dirty, and the next frame tries again.
             self.fits = false;
             return 0;
         }
-        self.dirty.clear();
-        self.uploaded.resize(self.records.len(), EMPTY_SLOT);
-        for run in &runs {
-            self.uploaded[run.clone()].copy_from_slice(&self.records[run.clone()]);
-        }
-        self.gpu.write_runs(&runs, &self.records, device, queue)
+        let runs = joined_runs(self.dirty.drain(..).map(|slot| slot as usize));
+        self.gpu.write_runs(&runs, &self.records, uploads)
     }
 
     /// Number of slots, including free ones.

@@ -22,6 +22,7 @@ use crate::scene::{
     geometry::meshes::MeshPool,
     geometry::world_tree::RestingInstances,
     geometry::{instance_record::LiveInstance, instances::InstancePool},
+    storage::uploads::Uploads,
 };
 
 #[cfg(feature = "testing")]
@@ -127,13 +128,8 @@ impl TopLevel {
 
     /// Refits or rebuilds the tree if its entries or their bounds changed.  Returns whether an instance appeared, disappeared or moved; another
     /// grouping of instances at rest does not count.  The tree of the last frame stays on the GPU for one frame.
-    pub(super) fn rebuild(
-        &mut self,
-        instances: &InstancePool,
-        meshes: &mut MeshPool,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> bool {
+    pub(super) fn rebuild(&mut self, instances: &InstancePool, meshes: &mut MeshPool, uploads: &mut Uploads) -> bool {
+        let (device, queue) = (uploads.device, uploads.queue);
         self.gpu.begin_frame(meshes);
         self.outdated.drain(..).for_each(|range| meshes.release_nodes(range));
         let (is_regrouped, uploaded) = self.resting.update(instances, meshes, device, queue);
@@ -149,7 +145,7 @@ impl TopLevel {
             return false;
         }
         let sent = match refitted {
-            Some(nodes) => self.gpu.refit(&self.tree, nodes, meshes, device, queue),
+            Some(nodes) => self.gpu.refit(&self.tree, nodes, meshes, uploads),
             None => {
                 self.build();
                 self.gpu.replace(&self.tree, meshes, device, queue)

@@ -1,20 +1,34 @@
 //! Compares the records of lights with the tables of both frames, for tests.
 
-use bevy::platform::collections::{HashMap, HashSet};
+use bevy::{
+    platform::collections::{HashMap, HashSet},
+    render::sync_world::MainEntity,
+};
 
 use super::{
+    emitter::{Emitter, gather},
     id_remap::Group,
     lights::{LastTable, LightPool},
     records::LightRecords,
     table::LightTable,
 };
 use crate::gpu_layout::*;
-use crate::scene::geometry::instances::InstancePool;
+use crate::scene::{
+    extract::ExtractedScene, geometry::instances::InstancePool, geometry::meshes::MeshPool,
+    material::materials::MaterialPool,
+};
 
 impl LightPool {
-    /// Panics if, after a change, a record differs from its table, or if a light of one frame is not linked to that of the same owner in the
-    /// other frame.
-    pub(crate) fn check(&self, instances: &InstancePool) {
+    /// Panics if an emitter differs from the scene, if, after a change, a record differs from its table, or if a light of one frame is not
+    /// linked to that of the same owner in the other frame.
+    pub(crate) fn check(
+        &self,
+        scene: &ExtractedScene,
+        instances: &InstancePool,
+        meshes: &MeshPool,
+        materials: &MaterialPool,
+    ) {
+        self.check_emitters(&gather(scene, instances, meshes, materials));
         if self.is_same() {
             return;
         }
@@ -37,6 +51,17 @@ impl LightPool {
         check_links(table, last, records);
         check_links(last, table, records);
         check_ranges(table, last);
+    }
+
+    /// Panics if the emitters differ from these, which were gathered from scratch.
+    fn check_emitters(&self, expected: &[(MainEntity, Emitter)]) {
+        assert_eq!(self.emitters.len(), expected.len(), "the number of emitters");
+        for ((entity, known), (expected_entity, expected)) in self.emitters.iter().zip(expected) {
+            assert_eq!(entity, expected_entity);
+            // NaN differs from itself.
+            let is_right = expected.is_unchanged_from(known) || !expected.is_unchanged_from(expected);
+            assert!(is_right, "entity {} emits as {expected:?}, not as {known:?}", **entity);
+        }
     }
 }
 

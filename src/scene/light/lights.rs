@@ -1,7 +1,8 @@
 //! The light table (`LightTable`) of this frame and, because temporal reuse reads it too, that of the last frame.
 //!
-//! A change costs time by the number of bins and of emissive instances, and by the triangles whose records change.  A mesh whose material is
-//! edited has another slot, which the records of its triangles name.
+//! A change costs time by the number of bins and of emissive instances, and by the triangles whose records change.  An emissive instance
+//! that moves without another size changes nothing.  A mesh whose material is edited has another slot, which the records of its triangles
+//! name.
 //!
 //! Emissive triangles beyond the device's limit are not in the table, but BSDF sampling still hits them: the picture is noisier, not darker.
 
@@ -20,7 +21,7 @@ use std::ops::Range;
 
 use super::{
     analytic::{AnalyticRecord, warn_about},
-    emitter::{Emitter, gather},
+    emitter::{Emitter, gather, is_unchanged_mesh, meshes_of},
     records::LightRecords,
     shape_tree::ShapeTree,
     table::{LightTable, NextTable},
@@ -32,14 +33,17 @@ use crate::scene::{
     geometry::instances::InstancePool,
     geometry::meshes::MeshPool,
     material::materials::MaterialPool,
-    storage::{growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
+    storage::{growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning, uploads::Uploads},
 };
 use crate::warned::Warned;
 
 /// The lights of the scene.
 #[derive(Resource)]
 pub(crate) struct LightPool {
-    emitters: Vec<(MainEntity, Emitter)>,
+    /// Everything that emits, in the order of [`gather`].
+    pub(super) emitters: Vec<(MainEntity, Emitter)>,
+    /// The list of emissive meshes or of their versions has changed in this frame.
+    pub meshes_changed: bool,
     /// Lights that some cameras do not see, as in [`ExtractedScene`].
     hidden: HashMap<MainEntity, u32>,
     /// Bits of the cameras that do not see some light that another camera sees.
@@ -82,6 +86,7 @@ impl Default for LightPool {
     fn default() -> Self {
         Self {
             emitters: Vec::new(),
+            meshes_changed: false,
             hidden: HashMap::default(),
             hidden_from: 0,
             table: LightTable::default(),
@@ -138,7 +143,7 @@ impl LightPool {
 
     /// The meshes that emit light.
     pub(crate) fn emissive_meshes(&self) -> HashSet<AssetId<Mesh>> {
-        self.emitters.iter().filter_map(|(_, emitter)| emitter.mesh()).collect()
+        meshes_of(&self.emitters).map(|(mesh, _)| mesh).collect()
     }
 
     /// Forgets the warnings about lights that are gone.
@@ -156,13 +161,15 @@ impl LightPool {
     ) {
         self.records.begin_frame();
         self.last = LastTable::Same;
-        (self.visited, self.visited_triangles) = (0, 0);
-        let has_new_emitters =
-            core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed() | meshes.copies_arrived();
+        (self.visited, self.visited_triangles, self.meshes_changed) = (0, 0, false);
+        let changed = instances.take_changed_emitters();
+        let may_all_change = core::mem::take(&mut scene.lights_changed) | meshes.copies_arrived();
         let radius = (instances.top.radius.max(1e-3).log2().ceil()).exp2();
         let has_directional = self.features.intersects(SceneFeatures::LIGHT_DIRECTIONAL | SceneFeatures::SUN_DISK);
         let keeps_radius = radius == self.radius || !has_directional;
-        if !has_new_emitters && keeps_radius {
+        let is_same = |entity: &MainEntity| is_unchanged_mesh(*entity, &self.emitters, instances, meshes, materials);
+        if keeps_radius && !may_all_change && changed.iter().all(is_same) {
+            self.visited = changed.len() as u64;
             return;
         }
         let emitters = gather(scene, instances, meshes, materials);
@@ -179,6 +186,7 @@ impl LightPool {
         self.hidden.clone_from(&scene.hidden_lights);
         self.hidden_from = self.hidden.values().fold(0, |all, bits| all | bits);
         self.replace_table(&emitters, instances, meshes, limit);
+        self.meshes_changed = !meshes_of(&emitters).eq(meshes_of(&self.emitters));
         self.emitters = emitters;
     }
 
@@ -266,8 +274,8 @@ impl LightPool {
     }
 
     /// Uploads changes.  Returns the number of bytes.
-    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        let sent = self.records.upload(&mut self.gpu, device, queue);
+    pub(crate) fn upload(&mut self, uploads: &mut Uploads) -> u64 {
+        let sent = self.records.upload(&mut self.gpu, uploads);
         // The next frame tries again: memory may have become free.
         self.fits = sent.is_some();
         sent.unwrap_or_else(|| {

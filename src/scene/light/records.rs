@@ -1,6 +1,5 @@
 //! The records of lights, and which of them are in use.
 
-use bevy::render::renderer::{RenderDevice, RenderQueue};
 use std::ops::Range;
 
 use crate::gpu_layout::GpuLight;
@@ -8,6 +7,7 @@ use crate::scene::storage::{
     dirty_runs::{dirty_runs, joined},
     growable_buffer::GrowableBuffer,
     range_allocator::RangeAllocator,
+    uploads::Uploads,
 };
 
 /// A copy of the records on the CPU, with the ranges of them that are in use.
@@ -69,12 +69,7 @@ impl LightRecords {
     }
 
     /// Sends what has changed.  Returns the number of bytes; `None` if the device has no room for the records.
-    pub(super) fn upload(
-        &mut self,
-        gpu: &mut GrowableBuffer<GpuLight>,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> Option<u64> {
+    pub(super) fn upload(&mut self, gpu: &mut GrowableBuffer<GpuLight>, uploads: &mut Uploads) -> Option<u64> {
         // Records that are no longer in use may never have been sent.
         let end = self.end() as usize;
         self.records.truncate(end);
@@ -83,12 +78,12 @@ impl LightRecords {
         if self.dirty.is_empty() {
             return Some(0);
         }
-        if !gpu.reserve(end as u32, device, queue) {
+        if !gpu.reserve(end as u32, uploads.device, uploads.queue) {
             return None;
         }
         self.dirty.sort_unstable_by_key(|run| run.start);
         let runs = joined(self.dirty.drain(..));
-        Some(gpu.write_runs(&runs, &self.records, device, queue))
+        Some(gpu.write_runs(&runs, &self.records, uploads))
     }
 }
 

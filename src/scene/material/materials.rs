@@ -32,6 +32,7 @@ use crate::scene::{
         growable_buffer::GrowableBuffer,
         overflow_warning::OverflowWarning,
         range_allocator::RangeAllocator,
+        uploads::Uploads,
     },
     texture::textures::TexturePool,
 };
@@ -381,8 +382,9 @@ impl MaterialPool {
     }
 
     /// Uploads changes.  Returns the number of bytes.
-    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub(crate) fn upload(&mut self, uploads: &mut Uploads) -> u64 {
         self.fits = true;
+        let (device, queue) = (uploads.device, uploads.queue);
         let bytes = self.upload_table(device, queue);
         if self.dirty.is_empty() {
             return bytes;
@@ -394,7 +396,7 @@ impl MaterialPool {
         }
         self.dirty.sort_unstable();
         let runs = joined_runs(self.dirty.drain(..));
-        bytes + self.gpu.write_runs(&runs, &self.packed, device, queue)
+        bytes + self.gpu.write_runs(&runs, &self.packed, uploads)
     }
 
     fn upload_table(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {

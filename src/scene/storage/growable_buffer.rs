@@ -3,14 +3,14 @@
 use bevy::{
     log::warn,
     render::{
-        render_resource::{Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages, CommandEncoderDescriptor},
+        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
         renderer::{RenderDevice, RenderQueue},
     },
 };
 use bytemuck::Pod;
 use std::{marker::PhantomData, ops::Range};
 
-use super::allocation;
+use super::{allocation, uploads::Uploads};
 use crate::device;
 
 /// Most runs that are written one by one.  A write takes some microseconds, ten times as long as a copy on the GPU.
@@ -97,49 +97,38 @@ impl<T: Pod> GrowableBuffer<T> {
     }
 
     /// Uploads runs of `data`, in ascending order, to the same places.  Returns the number of bytes sent.
-    pub(crate) fn write_runs(
-        &self,
-        runs: &[Range<usize>],
-        data: &[T],
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> u64 {
-        if runs.len() <= MAX_WRITES {
-            return runs.iter().map(|run| self.write(run.start as u32, &data[run.clone()], queue)).sum();
-        }
-        let packed: Vec<T> = runs.iter().flat_map(|run| &data[run.clone()]).copied().collect();
-        self.write_packed(runs, &packed, device, queue)
+    pub(crate) fn write_runs(&self, runs: &[Range<usize>], data: &[T], uploads: &mut Uploads) -> u64 {
+        self.write_parts(runs, runs.iter().map(|run| &data[run.clone()]), uploads)
     }
 
     /// Uploads `packed`, one run after the other, to the places of these runs, which are in ascending order.  Returns the number of bytes
     /// sent.
-    pub(crate) fn write_packed(
+    pub(crate) fn write_packed(&self, runs: &[Range<usize>], packed: &[T], uploads: &mut Uploads) -> u64 {
+        let mut rest = packed;
+        let parts = runs.iter().map(|run| rest.split_off(..run.len()).unwrap_or_default());
+        self.write_parts(runs, parts, uploads)
+    }
+
+    /// Uploads the contents of these runs, which are in ascending order.  Returns the number of bytes sent.
+    fn write_parts<'a>(
         &self,
         runs: &[Range<usize>],
-        packed: &[T],
-        device: &RenderDevice,
-        queue: &RenderQueue,
+        parts: impl Iterator<Item = &'a [T]>,
+        uploads: &mut Uploads,
     ) -> u64 {
         let Some(buffer) = &self.buffer else { return 0 };
         if runs.last().is_none_or(|last| last.end > self.capacity as usize) {
             return 0;
         }
+        let pairs = runs.iter().zip(parts);
         if runs.len() <= MAX_WRITES {
-            let mut rest = packed;
-            let mut next = |count| rest.split_off(..count).unwrap_or_default();
-            return runs.iter().map(|run| self.write(run.start as u32, next(run.len()), queue)).sum();
+            return pairs.map(|(run, part)| self.write(run.start as u32, part, uploads.queue)).sum();
         }
-        let (contents, usage) = (bytemuck::cast_slice(packed), BufferUsages::MAP_WRITE | BufferUsages::COPY_SRC);
-        let staged = device.create_buffer_with_data(&BufferInitDescriptor { label: Some(self.label), contents, usage });
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some(self.label) });
         let bytes = |count: usize| (count * size_of::<T>()) as u64;
-        let mut at = 0;
-        for run in runs {
-            encoder.copy_buffer_to_buffer(&staged, at, buffer, bytes(run.start), bytes(run.len()));
-            at += bytes(run.len());
-        }
-        queue.submit([encoder.finish()]);
-        at
+        let size = bytes(runs.iter().map(|run| run.len()).sum());
+        let parts = pairs.map(|(run, part)| (bytes(run.start), bytemuck::cast_slice::<T, u8>(part)));
+        uploads.scatter(self.label, buffer, size, parts);
+        size
     }
 
     /// The buffer; `None` before the first [`Self::reserve`].

@@ -6,3 +6,4 @@ pub(crate) mod dirty_runs;
 pub(crate) mod growable_buffer;
 pub(crate) mod overflow_warning;
 pub(crate) mod range_allocator;
+pub(crate) mod uploads;

@@ -12,6 +12,13 @@ use crate::scene::{
     },
 };
 
+/// The records of the last check.
+#[derive(Default)]
+pub(super) struct Checked {
+    frame: u64,
+    records: Vec<GpuInstance>,
+}
+
 impl InstancePool {
     /// Lengths of the pool's tables.
     pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
@@ -57,6 +64,28 @@ impl InstancePool {
         self.sort();
         let order: Vec<_> = self.in_order().map(|(_, live)| live.entity).collect();
         assert!(order.len() == shown && order.is_sorted());
+        self.check_marks();
+        self.checked = Checked { frame: self.frame, records: self.records.clone() };
+    }
+
+    /// The record that a slot had in the last frame; `None` if that frame had no such slot or was not checked.
+    fn last_record(&self, slot: u32) -> Option<&GpuInstance> {
+        self.checked.records.get(slot as usize).filter(|_| self.checked.frame + 1 == self.frame)
+    }
+
+    /// Panics if a record has changed since the last frame and would not be uploaded.
+    fn check_marks(&self) {
+        if self.checked.frame + 1 != self.frame {
+            return;
+        }
+        let dirty: HashSet<u32> = self.dirty.iter().copied().collect();
+        for slot in 0..self.len() {
+            let record = self.get(slot);
+            // Lights were set after the last check.
+            let with_light = |last: &GpuInstance| GpuInstance { first_light: record.first_light, ..*last };
+            let is_same = self.last_record(slot).is_some_and(|last| with_light(last) == *record);
+            assert!(is_same || dirty.contains(&slot), "slot {slot} has changed and would not be uploaded");
+        }
     }
 
     /// Panics unless each slot is used, given up or free, and those that are free have no record.
@@ -77,9 +106,7 @@ impl InstancePool {
         let has_appeared = record.flags & INSTANCE_APPEARED != 0;
         let has_moved = record.previous_world_from_object != record.world_from_object;
         assert!(is_settling || !has_appeared && !has_moved, "slot {slot} would not settle");
-        // Before the upload, the GPU has the last frame.
-        let last = self.uploaded.get(slot as usize).filter(|_| self.fits && !has_appeared);
-        if let Some(last) = last {
+        if let Some(last) = self.last_record(slot).filter(|_| !has_appeared) {
             assert_eq!(record.previous_world_from_object, last.world_from_object, "slot {slot}");
         }
     }

@@ -1,15 +1,26 @@
 //! Visits to instances of which only the transform has changed.
 
-use bevy::{asset::AssetId, mesh::Mesh, render::sync_world::MainEntity};
+use bevy::{
+    asset::AssetId,
+    mesh::Mesh,
+    render::sync_world::MainEntity,
+    tasks::{ComputeTaskPool, ParallelSlice},
+};
 
 use super::InstancePool;
-use crate::gpu_layout::{INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_MIRRORED};
+use crate::gpu_layout::{GpuInstance, INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_MIRRORED};
 use crate::scene::{
     accel::blas::Bounds,
-    extract::instances::{ExtractedInstance, InstanceList, sorted},
+    extract::instances::{InstanceList, sorted},
     geometry::instance_record::{InstanceSources, Placement},
     geometry::meshes::MeshPool,
 };
+
+/// Number of moving instances above which several threads compute their placements.
+const MAX_SERIAL: usize = 1024;
+
+/// The mesh of an instance that has moved, and where the instance is now.
+type Move = (AssetId<Mesh>, Placement);
 
 impl InstancePool {
     /// Visits those of the instances that have `moved` that are not `due` for another reason.  Returns the instances that are due for a
@@ -22,11 +33,9 @@ impl InstancePool {
         sources: &InstanceSources,
     ) -> Vec<MainEntity> {
         let mut rest = Vec::new();
-        let mut bounds = MeshBounds { meshes: sources.meshes, last: None };
-        for entity in moved {
-            let has_followed = due.binary_search(entity).is_err()
-                && list.get(*entity).is_some_and(|extracted| self.follow_one(extracted, &mut bounds));
-            if !has_followed {
+        let parts = moves(moved, &due, list, sources.meshes);
+        for (entity, new) in moved.iter().zip(parts.into_iter().flatten()) {
+            if !new.is_some_and(|new| self.follow_one(*entity, new)) {
                 rest.push(*entity);
             }
         }
@@ -37,61 +46,78 @@ impl InstancePool {
         sorted(due)
     }
 
-    /// Takes over the transform of an instance.  Returns false and does nothing if more than its placement changes.
-    fn follow_one(&mut self, extracted: &ExtractedInstance, meshes: &mut MeshBounds) -> bool {
-        let Some(&slot) = self.slots.get(&extracted.entity) else { return false };
+    /// Takes over the placement of an instance.  Returns false and does nothing if more than that changes.
+    fn follow_one(&mut self, entity: MainEntity, (mesh, placement): Move) -> bool {
+        let Some(&slot) = self.slots.get(&entity) else { return false };
         let index = slot as usize;
         if self.visited_in[index] == self.frame {
             return true;
         }
-        let (record, Some(live)) = (&mut self.records[index], &mut self.live[index]) else { return false };
-        // Bodies have places of their own.
-        if record.flags & INSTANCE_DEFORMED != 0 || live.mesh != extracted.mesh {
+        let (record, Some(live)) = (self.records[index], &mut self.live[index]) else { return false };
+        // Bodies have places of their own, and other flags need another slot.
+        let is_mirrored = record.flags & INSTANCE_MIRRORED != 0;
+        if record.flags & INSTANCE_DEFORMED != 0 || live.mesh != mesh || is_mirrored != placement.is_mirrored {
             return false;
         }
-        let Some(bounds) = meshes.bounds(live.mesh) else { return false };
-        let Some(placement) = Placement::new(&extracted.world_from_object, &bounds) else { return false };
-        // Other flags need another slot.
-        if (record.flags & INSTANCE_MIRRORED != 0) != placement.is_mirrored {
-            return false;
-        }
-        let has_moved = record.world_from_object != placement.world_from_object;
-        record.previous_world_from_object = record.world_from_object;
-        record.world_from_object = placement.world_from_object;
-        record.object_from_world = placement.object_from_world;
-        record.flags &= !INSTANCE_APPEARED;
         let before = live.traced_bounds();
         live.bounds = placement.bounds;
         self.top.note(slot, before, live.traced_bounds());
-        self.emitters_changed |= live.emits;
-        self.moved |= has_moved;
-        if has_moved {
+        if live.emits {
+            self.changed_emitters.push(entity);
+        }
+        if record.world_from_object != placement.world_from_object {
+            self.moved = true;
             self.settling.push(slot);
         }
-        self.note_visit(slot);
+        let record = GpuInstance {
+            world_from_object: placement.world_from_object,
+            object_from_world: placement.object_from_world,
+            previous_world_from_object: record.world_from_object,
+            flags: record.flags & !INSTANCE_APPEARED,
+            ..record
+        };
+        self.visit(slot, record);
         true
     }
 
     /// Visits the instances in these slots, which moved or appeared in the last frame, if they have not been visited yet: they rest now.
+    /// Their lights do not depend on what this changes.
     pub(super) fn settle(&mut self, slots: &[u32]) {
         for &slot in slots {
             let index = slot as usize;
-            let Some(live) = &self.live[index] else { continue };
-            if self.visited_in[index] == self.frame {
+            if self.live[index].is_none() || self.visited_in[index] == self.frame {
                 continue;
             }
-            let record = &mut self.records[index];
-            record.previous_world_from_object = record.world_from_object;
-            record.flags &= !INSTANCE_APPEARED;
-            self.emitters_changed |= live.emits;
-            self.note_visit(slot);
+            let record = self.records[index];
+            let flags = record.flags & !INSTANCE_APPEARED;
+            self.visit(slot, GpuInstance { previous_world_from_object: record.world_from_object, flags, ..record });
         }
     }
 
-    fn note_visit(&mut self, slot: u32) {
+    /// Takes note of a visit that gives a slot this record.
+    fn visit(&mut self, slot: u32, record: GpuInstance) {
         self.visited_in[slot as usize] = self.frame;
         self.visited += 1;
-        self.dirty.push(slot);
+        self.write(slot, record);
+    }
+}
+
+/// The moves of these instances, in their order and in consecutive parts.  `None` for those that are due for a complete visit, and for those
+/// that cannot be shown.
+fn moves(moved: &[MainEntity], due: &[MainEntity], list: &InstanceList, meshes: &MeshPool) -> Vec<Vec<Option<Move>>> {
+    let of_part = |_: usize, part: &[MainEntity]| -> Vec<Option<Move>> {
+        let mut mesh_bounds = MeshBounds { meshes, last: None };
+        let move_of = |entity: &MainEntity| {
+            let is_due = due.binary_search(entity).is_ok();
+            let extracted = list.get(*entity).filter(|_| !is_due)?;
+            let bounds = mesh_bounds.bounds(extracted.mesh)?;
+            Some((extracted.mesh, Placement::new(&extracted.world_from_object, &bounds)?))
+        };
+        part.iter().map(move_of).collect()
+    };
+    match moved.len() > MAX_SERIAL {
+        true => moved.par_splat_map(ComputeTaskPool::get(), None, of_part),
+        false => vec![of_part(0, moved)],
     }
 }
 

@@ -117,7 +117,7 @@ impl MeshPool {
 
     /// Whether [`Self::update_copies`] is due although the set of emissive meshes has not changed.
     pub(crate) fn has_more_copies(&self) -> bool {
-        self.copies.has_more
+        self.copies.has_more || self.copies.arrived
     }
 
     /// Takes the copies that the device has read back since the last frame.
