@@ -73,7 +73,7 @@ impl Difference {
             tile_bias: average(&tiles),
             rmse: over_all(&|c, r| (c - r).powi(2)).sqrt(),
             rel_mse: over_all(&rel_square),
-            mape: over_all(&|c, r| (c - r).abs() / (r + 0.01 * scale)),
+            mape: over_all(&|c, r| relative_error(c, r, scale)),
             rel_mse_trimmed: average(&errors),
             black: (0..reference.len()).filter(|&i| lost(i)).count() as f64 / reference.len() as f64,
             flip: flip(&picture, reference, size),
@@ -127,6 +127,11 @@ pub fn relative_weight(reference: f64, mean: f64) -> f64 {
     (reference * reference + 1e-2 * mean * mean).recip()
 }
 
+/// The amount of an error relative to the reference.  A hundredth of the mean keeps nearly black pixels from dominating.
+pub fn relative_error(value: f64, reference: f64, mean: f64) -> f64 {
+    (value - reference).abs() / (reference + 0.01 * mean)
+}
+
 /// Mean FLIP of the pictures as a screen would show them: exposed by the reference, then tone-mapped by x / (1 + x).
 fn flip(picture: &Picture, reference: &Picture, size: UVec2) -> f64 {
     let exposure = FLIP_EXPOSURE / average(&reference.iter().map(luminance).collect::<Vec<_>>()).max(f64::MIN_POSITIVE);
@@ -149,10 +154,15 @@ fn luminance(pixel: &[f64; 3]) -> f64 {
 
 /// Whether a pixel and those around it are brighter than `least`.
 fn is_lit_around(reference: &Picture, size: UVec2, pixel: usize, least: f64) -> bool {
+    around(pixel, size).all(|i| reference[i].iter().sum::<f64>() > 3.0 * least)
+}
+
+/// A pixel and those that touch it.
+pub fn around(pixel: usize, size: UVec2) -> impl Iterator<Item = usize> {
     let (width, height) = (size.x as usize, size.y as usize);
-    let around = |at: usize, length: usize| at.saturating_sub(1)..=(at + 1).min(length - 1);
-    around(pixel / width, height)
-        .all(|y| around(pixel % width, width).all(|x| reference[y * width + x].iter().sum::<f64>() > 3.0 * least))
+    let range = |at: usize, length: usize| at.saturating_sub(1)..=(at + 1).min(length - 1);
+    let columns = range(pixel % width, width);
+    range(pixel / width, height).flat_map(move |y| columns.clone().map(move |x| y * width + x))
 }
 
 pub fn is_finite(pixel: &[f64; 3]) -> bool {

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Cost, Counts, Errors, scenes},
-    error::{Error, Reference},
+    error::{Error, Reference, WithoutEmitters},
     output::{Output, describe},
     series,
     table::{Row, Table, Unit},
@@ -140,11 +140,15 @@ impl Lengths {
             self.size,
             format!(
                 "{bounces} bounces; times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after \
-                 {warmup} frames, against {samples} samples a pixel"
+                 {warmup} frames, against {samples} samples a pixel; without emitters: without the pixels that see a lamp or the \
+                 sky directly, and those beside them"
             ),
         );
     }
 }
+
+/// Samples of the light that the camera sees directly: with jitter, the edge of a lamp covers a part of a pixel.
+const EMISSION_SAMPLES: u32 = 64;
 
 /// The figures of a scene.
 pub fn column(
@@ -155,12 +159,15 @@ pub fn column(
     detail: Detail,
 ) -> Result<Vec<Row>, String> {
     let planned = |settings| Bench::planned(&lengths.counts, settings, lengths.seeds);
-    let frames = u64::from(lengths.samples.next_multiple_of(2))
+    let frames = u64::from(EMISSION_SAMPLES)
+        + u64::from(lengths.samples.next_multiple_of(2))
         + planned(reference)
         + competitors.iter().map(|competitor| planned(&competitor.settings)).sum::<u64>();
     let progress = Progress::new(frames);
 
-    let truth = bench.reference(reference, lengths.samples, &progress)?;
+    let emission = Restir { bounces: 0, ..reference.clone() };
+    let emission = bench.pictures(&emission, 1, EMISSION_SAMPLES - 1, &progress)?;
+    let truth = bench.reference(reference, lengths.samples, &progress)?.without_emitters(&emission[0]);
     let errors = Errors { reference: &truth, seeds: lengths.seeds };
     let (sample, one) = measured(bench, reference, &errors, &progress)?;
     let mut rows = scene_rows(bench, &truth, &sample, one);
@@ -187,38 +194,13 @@ pub fn column(
         rows.extend([
             row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
             row("reservoirs", &[("", Unit::BytesAPixel, reservoir_bytes_per_pixel as f64)]),
-            row(
-                "error",
-                &[
-                    ("", Unit::Mse, error.mean),
-                    ("median of blocks", Unit::Mse, error.median),
-                    ("MAPE", Unit::Relative, error.mape),
-                ],
-            ),
-            row(
-                "relative error",
-                &[
-                    ("all", Unit::RelMse, error.rel_mse),
-                    ("without the worst 1 %", Unit::RelMse, error.rel_mse_trimmed),
-                    ("", Unit::Flip, error.flip),
-                ],
-            ),
-            row("the reference tracer in equal time", &[("", Unit::Samples, samples)]),
-            row(
-                "its error, relative: scaled from one sample",
-                &[
-                    ("", Unit::Ratio, one.mean / samples / error.mean),
-                    ("median", Unit::Ratio, one.median / samples / error.median),
-                ],
-            ),
-            row(
-                "its error, relative: of whole samples",
-                &[("", Unit::Ratio, whole.mean / error.mean), ("median", Unit::Ratio, whole.median / error.median)],
-            ),
         ]);
+        rows.extend(errors_of(name, &error));
+        rows.push(row("the reference tracer in equal time", &[("", Unit::Samples, samples)]));
+        rows.extend(relative_errors_of_the_tracer(name, samples, &one, &whole, &error));
         let (first_name, first_ms, first_error) = *first.get_or_insert((name.as_str(), cost.lighting(), error));
         if first_name != name {
-            rows.push(error_in_equal_time(name, first_name, first_ms / cost.lighting(), &first_error, &error));
+            rows.extend(errors_in_equal_time(name, first_name, first_ms / cost.lighting(), &first_error, &error));
         }
     }
     Ok(rows)
@@ -234,19 +216,73 @@ fn measured(
     Ok((cost, error.unwrap_or_default()))
 }
 
-/// Error of another technique relative to that of a row, times the ratio of their times: how much of its error the other technique would have in
-/// the time of this row, if its error fell as the reciprocal of its time.
-fn error_in_equal_time(name: &str, other_name: &str, time: f64, other: &Error, error: &Error) -> Row {
-    let label = format!("{other_name} in equal time: its error, relative");
-    Row::new(
-        name.to_owned(),
-        &label,
-        &[
-            ("", Unit::Ratio, time * other.mean / error.mean),
-            ("median", Unit::Ratio, time * other.median / error.median),
-            ("relMSE without the worst 1 %", Unit::Ratio, time * other.rel_mse_trimmed / error.rel_mse_trimmed),
-        ],
-    )
+/// Errors of a technique.
+fn errors_of(name: &str, error: &Error) -> [Row; 3] {
+    let row = |label: &str, figures: &[_]| Row::new(name.to_owned(), label, figures);
+    let figures = |mean, median, mape| {
+        [("", Unit::Mse, mean), ("median of blocks", Unit::Mse, median), ("MAPE", Unit::Relative, mape)]
+    };
+    let WithoutEmitters { mean, median, mape } = error.without_emitters;
+    [
+        row("error", &figures(error.mean, error.median, error.mape)),
+        row("error without emitters", &figures(mean, median, mape)),
+        row(
+            "relative error",
+            &[
+                ("all", Unit::RelMse, error.rel_mse),
+                ("without the worst 1 %", Unit::RelMse, error.rel_mse_trimmed),
+                ("", Unit::Flip, error.flip),
+            ],
+        ),
+    ]
+}
+
+/// Errors of the reference tracer relative to those of a technique in whose time it takes this many samples: from that of one sample, and of
+/// whole samples.
+fn relative_errors_of_the_tracer(name: &str, samples: f64, one: &Error, whole: &Error, error: &Error) -> [Row; 3] {
+    let row = |label: &str, mean: f64, median: f64| {
+        Row::new(name.to_owned(), label, &[("", Unit::Ratio, mean), ("median", Unit::Ratio, median)])
+    };
+    let (ours, theirs) = (error.without_emitters, whole.without_emitters);
+    [
+        row(
+            "its error, relative: scaled from one sample",
+            one.mean / samples / error.mean,
+            one.median / samples / error.median,
+        ),
+        row("its error, relative: of whole samples", whole.mean / error.mean, whole.median / error.median),
+        row(
+            "its error without emitters, relative: of whole samples",
+            theirs.mean / ours.mean,
+            theirs.median / ours.median,
+        ),
+    ]
+}
+
+/// Errors of another technique relative to those of a row, times the ratio of their times: how much of the error the other technique would have
+/// in the time of this row, if its error fell as the reciprocal of its time.
+fn errors_in_equal_time(name: &str, other_name: &str, time: f64, other: &Error, error: &Error) -> [Row; 2] {
+    let row = |which: &str, figures: &[_]| {
+        Row::new(name.to_owned(), format!("{other_name} in equal time: {which}, relative"), figures)
+    };
+    let (ours, theirs) = (error.without_emitters, other.without_emitters);
+    [
+        row(
+            "its error",
+            &[
+                ("", Unit::Ratio, time * other.mean / error.mean),
+                ("median", Unit::Ratio, time * other.median / error.median),
+                ("relMSE without the worst 1 %", Unit::Ratio, time * other.rel_mse_trimmed / error.rel_mse_trimmed),
+            ],
+        ),
+        row(
+            "its error without emitters",
+            &[
+                ("", Unit::Ratio, time * theirs.mean / ours.mean),
+                ("median", Unit::Ratio, time * theirs.median / ours.median),
+            ],
+        ),
+    ]
 }
 
 fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Vec<Row> {
@@ -257,6 +293,7 @@ fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Ve
         Row::new(SCENE, "lights (emissive triangles and others)", &[("", Unit::Count, report.lights as f64)]),
         Row::new(SCENE, "triangles", &[("", Unit::Count, report.triangles as f64)]),
         Row::new(SCENE, "error of the converged picture", &[("", Unit::Mse, truth.noise)]),
+        Row::new(SCENE, "pixels without emitters", &[("", Unit::Percent, 100.0 * truth.share_without_emitters())]),
         Row::new(REFERENCE, "a sample", &[("", Unit::Ms, sample.lighting()), ("", Unit::RaysAPixel, sample.rays)]),
         Row::new(REFERENCE, "error", &[("", Unit::Mse, one.mean), ("median of blocks", Unit::Mse, one.median)]),
     ]

@@ -2,7 +2,10 @@
 
 use bevy::math::{DVec2, UVec2};
 
-use crate::{blocks, difference::Difference};
+use crate::{
+    blocks,
+    difference::{Difference, around, relative_error},
+};
 
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
@@ -39,6 +42,21 @@ pub struct Error {
     pub rel_mse_trimmed: f64,
     pub mape: f64,
     pub flip: f64,
+    pub without_emitters: WithoutEmitters,
+}
+
+/// Errors of the pixels that see no emitter and lie beside none ([`Reference::without_emitters`]), relative to the same means as those of the
+/// whole picture.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WithoutEmitters {
+    /// `mean`, `median` and `mape` of [`Error`].
+    pub mean: f64,
+    pub median: f64,
+    pub mape: f64,
+}
+
+impl WithoutEmitters {
+    const UNKNOWN: Self = Self { mean: f64::NAN, median: f64::NAN, mape: f64::NAN };
 }
 
 impl Error {
@@ -50,6 +68,7 @@ impl Error {
         rel_mse_trimmed: f64::NAN,
         mape: f64::NAN,
         flip: f64::NAN,
+        without_emitters: WithoutEmitters::UNKNOWN,
     };
 
     /// The mean of some errors.
@@ -62,6 +81,11 @@ impl Error {
             rel_mse_trimmed: mean(|e| e.rel_mse_trimmed),
             mape: mean(|e| e.mape),
             flip: mean(|e| e.flip),
+            without_emitters: WithoutEmitters {
+                mean: mean(|e| e.without_emitters.mean),
+                median: mean(|e| e.without_emitters.median),
+                mape: mean(|e| e.without_emitters.mape),
+            },
         }
     }
 }
@@ -74,6 +98,8 @@ pub struct Reference {
     width: usize,
     /// Squared mean over pixels and channels. Errors are relative to it, so that scenes can be compared.
     scale: f64,
+    /// Whether a pixel sees no emitter and lies beside none; empty if that is not known.
+    sees_no_emitter: Vec<bool>,
     /// Mean squared error of the converged picture itself.
     pub noise: f64,
 }
@@ -88,12 +114,29 @@ impl Reference {
         let scale = mean(&pixels, |c| c).powi(2).max(f64::MIN_POSITIVE);
         let deviations = both(|a, b| 0.5 * (a - b));
         let noise = mean(&deviations, |c| c * c) / scale;
-        Self { pixels, deviations, width: size.x as usize, scale, noise }
+        Self { pixels, deviations, width: size.x as usize, scale, sees_no_emitter: Vec::new(), noise }
+    }
+
+    /// Measures [`Error::without_emitters`], too.  `emission`: the light that the camera sees without any scattering.
+    pub fn without_emitters(self, emission: &Picture) -> Self {
+        let size = self.size();
+        let sees_none = |pixel: usize| around(pixel, size).all(|i| emission[i] == [0.0; 3]);
+        Self { sees_no_emitter: (0..emission.len()).map(sees_none).collect(), ..self }
+    }
+
+    /// The share of the pixels that see no emitter and lie beside none.
+    pub fn share_without_emitters(&self) -> f64 {
+        let count = self.sees_no_emitter.iter().filter(|counts| **counts).count();
+        count as f64 / self.sees_no_emitter.len() as f64
     }
 
     /// The converged radiance.
     pub fn pixels(&self) -> &Picture {
         &self.pixels
+    }
+
+    fn size(&self) -> UVec2 {
+        UVec2::new(self.width as u32, (self.pixels.len() / self.width) as u32)
     }
 
     /// Half the differences of the two halves of the samples: estimates of the error, whose squares are precise only in the mean.
@@ -109,19 +152,46 @@ impl Reference {
             .map(|(p, r)| (0..3).map(|i| (p[i] - r[i]).powi(2)).sum::<f64>() / (3.0 * self.scale))
             .collect();
         let of_blocks = blocks::of(squares.iter().copied(), self.width, blocks::SIDE);
-        let mut means: Vec<f64> = of_blocks.iter().map(|block| block.mean).collect();
-        means.sort_by(f64::total_cmp);
-        let size = UVec2::new(self.width as u32, (self.pixels.len() / self.width) as u32);
-        let difference = Difference::new(picture.clone(), &self.pixels, size, blocks::SIDE);
+        let difference = Difference::new(picture.clone(), &self.pixels, self.size(), blocks::SIDE);
         Error {
             mean: squares.iter().sum::<f64>() / squares.len() as f64,
-            median: means[means.len() / 2],
+            median: median(of_blocks.iter().map(|block| block.mean)),
             rel_mse: difference.rel_mse,
             rel_mse_trimmed: difference.rel_mse_trimmed,
             mape: difference.mape,
             flip: difference.flip,
+            without_emitters: self.error_without_emitters(picture, &squares),
         }
     }
+
+    /// `squares`: the squared error of each pixel.
+    fn error_without_emitters(&self, picture: &Picture, squares: &[f64]) -> WithoutEmitters {
+        let counts = &self.sees_no_emitter;
+        if counts.is_empty() {
+            return WithoutEmitters::UNKNOWN;
+        }
+        let shares: Vec<f64> = counts.iter().map(|counts| f64::from(u8::from(*counts))).collect();
+        let counted = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(counts).map(|(value, counts)| if *counts { *value } else { 0.0 }).collect()
+        };
+        let mean_of = |values: &[f64]| counted(values).iter().sum::<f64>() / shares.iter().sum::<f64>();
+        // Means over the pixels of a block that count.
+        let blocks_of = |values: &[f64]| blocks::of(values.iter().copied(), self.width, blocks::SIDE);
+        let of_blocks = blocks_of(&counted(squares)).into_iter().zip(blocks_of(&shares));
+        let of_blocks = of_blocks.filter(|(_, share)| share.mean > 0.0).map(|(square, share)| square.mean / share.mean);
+        let scale = self.scale.sqrt();
+        let relative =
+            |(c, r): (&[f64; 3], &[f64; 3])| (0..3).map(|i| relative_error(c[i], r[i], scale)).sum::<f64>() / 3.0;
+        let relative: Vec<f64> = picture.iter().zip(&self.pixels).map(relative).collect();
+        WithoutEmitters { mean: mean_of(squares), median: median(of_blocks), mape: mean_of(&relative) }
+    }
+}
+
+/// The median, or NaN if there are no values.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Mean over pixels and channels.

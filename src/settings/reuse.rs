@@ -68,7 +68,8 @@ pub struct Reuse {
     /// noise has not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
-    /// No bias.  0 to 5; default 3 for direct light, 5 for paths, 4 for light that enters objects.
+    /// No bias.  0 to 6, or to 5 in [`ReuseOrder::Spatiotemporal`], where the sample of the last frame takes a place of its own; default 3 for
+    /// direct light, 5 for paths, 4 for light that enters objects.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
     /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
@@ -80,8 +81,8 @@ pub struct Reuse {
     /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to iterations over samples of the same
     /// frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`]; in [`Direct`](super::Direct), only with
     /// [`VisibilityReuse::Resampled`](super::VisibilityReuse::Resampled) and MIS weights with rays; not to light that enters objects.
-    /// Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on
-    /// for direct light and paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
+    /// Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 (at most 6) or `disocclusion_samples` shifts, whichever is more.
+    /// Default: on for direct light and paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,
@@ -103,8 +104,8 @@ pub struct Reuse {
     /// paths, 30 for light that enters objects.
     pub radius: f32,
     /// Greatest confidence of a sample of the last frame, in frames' worth of candidates: longer histories are smoother and more
-    /// correlated, which shows as blotches.  Neighbors within a frame count in full.  No cost, no bias.  0 to 60 for direct light, otherwise 0
-    /// to 30; default 8 for direct light, 12 for paths, 20 for light that enters objects.
+    /// correlated, which shows as blotches.  Neighbors within a frame count in full.  No cost, no bias.  0 to 250 for direct light, otherwise
+    /// 0 to 30; default 8 for direct light, 12 for paths, 20 for light that enters objects.
     pub confidence_cap: f32,
     /// MIS weights.  Default for direct light: pairwise; otherwise defensive pairwise.
     pub mis: Mis,
@@ -209,7 +210,12 @@ impl Reuse {
     /// Brings every field into its range.
     pub(super) fn clamp(&mut self, path: &'static str, confidence_max: f32, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path, report };
-        ranges.count("spatial_samples", &mut self.spatial_samples, 0, 5);
+        // The resampling routine has seven inputs: the pixel's own sample, that of the last frame in the same pass, and those of neighbors.
+        let most = match self.order {
+            ReuseOrder::Spatiotemporal => 5,
+            ReuseOrder::TemporalThenSpatial => 6,
+        };
+        ranges.count("spatial_samples", &mut self.spatial_samples, 0, most);
         ranges.count("disocclusion_samples", &mut self.disocclusion_samples, 0, 5);
         ranges.count("spatial_iterations", &mut self.spatial_iterations, 1, 4);
         ranges.count("neighbor_attempts", &mut self.neighbor_attempts, 1, 8);

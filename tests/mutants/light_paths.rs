@@ -47,6 +47,37 @@ pub const MUTANTS: &[Mutant] = &[
         WEIGHTS,
     ),
     mutant(
+        "the density back from a vertex that the camera sees is that of Eq. 40 as printed",
+        "path/bidirectional_mis.wgsl",
+        "camera_density * cos_in / splats * mis_sum(light, pdf_reverse)",
+        "camera_density * cos_in / splats * mis_sum(light, camera_density * cos_in)",
+        WEIGHTS,
+    ),
+    // Eq. 42 as printed has the cosine and the distance of the other direction.  A vertex does not know the distance to the one before;
+    // `sampling::bidirectional_mis` plants the whole term.
+    mutant(
+        "earlier techniques of a camera path count the cosine of the other direction",
+        "path/technique_weights.wgsl",
+        "cos_out / step.pdf * sum, s.basis);",
+        "abs(dot(v.surface.bsdf.n_geo, v.wo)) / step.pdf * sum, s.basis);",
+        WEIGHTS,
+    ),
+    // Steps and samples of the BSDF have no probability of a delta lobe; `sampling::bidirectional_mis` plants those of its paths.
+    mutant(
+        "delta lobes of a camera path count a probability of one half in one direction",
+        "path/technique_weights.wgsl",
+        "return CameraState(vec3<f32>(0.0), cos_out * s.earlier, s.basis);",
+        "return CameraState(vec3<f32>(0.0), 0.5 * cos_out * s.earlier, s.basis);",
+        WEIGHTS,
+    ),
+    mutant(
+        "delta lobes of a light path count a probability of one half in one direction",
+        "path/bidirectional_mis.wgsl",
+        "return MisState(0.0, cos_out * s.earlier);",
+        "return MisState(0.0, 0.5 * cos_out * s.earlier);",
+        WEIGHTS,
+    ),
+    mutant(
         "next-event estimation does not count light paths",
         "path/technique_weights.wgsl",
         "return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v.surface, l.wi, v.wo));",
@@ -231,6 +262,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["connected_paths_equal_the_reference_in_moving_scenes"],
     ),
     mutant(
+        "the canonical sample's target in a neighbor's domain is divided by the Jacobian",
+        "pass/reuse.wgsl",
+        "value *= jacobian_of(e);",
+        "value /= max(jacobian_of(e), 1.0e-30);",
+        &["paths_in_a_room_equal", "connected_paths_equal_the_reference_in_moving_scenes"],
+    ),
+    mutant(
         "one light path stands for all that land in its pixel",
         "pass/splats.wgsl",
         "guarded(luminance(landed.sum) / max(luminance(r.f), 1.0e-37), GUARD_CONTRIBUTION_WEIGHT)",
@@ -357,5 +395,16 @@ pub const MUTANTS: &[Mutant] = &[
         "return select(1.0, before / after, replays);",
         "return select(1.0, after / before, replays);",
         &["delayed_reconnection_has_the_jacobian"],
+    ),
+    mutant(
+        "delayed reconnection keeps the cosine at the light",
+        "restir/sss/domain.wgsl",
+        "    let light = light_point_at(s.light, p.surface.position, r.previous);\n",
+        "    var light = light_point_at(s.light, p.surface.position, r.previous);\n\
+        let x2 = entry_point(r, Hit(0.0, s.instance, s.triangle, s.barycentrics)).surface.position;\n\
+        let from_x2 = light_point_at(s.light, x2, r.previous);\n\
+        light.pdf_solid_angle = from_x2.pdf_solid_angle * light.distance * light.distance;\n\
+        light.pdf_solid_angle /= from_x2.distance * from_x2.distance;\n",
+        &["light_in_bodies_returns_unchanged"],
     ),
 ];

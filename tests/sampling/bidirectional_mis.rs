@@ -40,6 +40,10 @@ enum Error {
     SplatDensity,
     /// A vertex that the camera sees counts one light candidate.
     Candidates,
+    /// Eq. 42 as it is printed: the geometry term of the wrong direction.
+    Direction,
+    /// The probability of a delta lobe behind the reconnection is counted in one direction only.
+    DeltaSuffix,
 }
 
 #[repr(C)]
@@ -289,6 +293,10 @@ fn planted_errors_of_bidirectional_weights_are_found() {
     ] {
         let wrong = found(light, error, &[], &[]);
         assert!(wrong.sum > 0.1 && wrong.recursive > 0.1, "{error:?}: {wrong:?}");
+    }
+    for error in [Error::Direction, Error::DeltaSuffix] {
+        let wrong = found(Light::Area, error, &[], &[]);
+        assert!(wrong.recursive > 0.1 && wrong.cached > 0.1, "{error:?}: {wrong:?}");
     }
     for (name, edit, is_of_all) in PLANTED {
         let wrong = found(Light::Area, Error::None, &[], &[edit]);

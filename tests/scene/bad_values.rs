@@ -137,14 +137,8 @@ fn full_length_bad_numbers_in_objects_and_materials_leave_no_trace() {
 fn check_objects_and_materials(techniques: &[Technique]) {
     let Some(mut scene) = scene() else { return };
     scene.with_techniques(techniques, |scene, technique, good| {
-        let mut targets = vec![
-            Target::component::<Transform>("object", scene.object),
-            Target::asset("material", scene.material.clone()),
-        ];
-        // Without emission other pipelines are compiled, which takes seconds for the other techniques.
-        if technique == Technique::Reference {
-            targets.push(Target::resource::<EmissiveLuminance>("EmissiveLuminance"));
-        }
+        let targets =
+            [Target::component::<Transform>("object", scene.object), Target::asset("material", scene.material.clone())];
         try_all(
             &mut scene.rig,
             &targets,
@@ -170,36 +164,80 @@ fn is_skipped(target: &str, path: &str, value: f64) -> bool {
     }
 }
 
+/// Numbers of the settings that choose among pipelines, whose compilation takes minutes for some techniques.
+fn chooses_pipelines(target: &str, path: &str) -> bool {
+    target == "Restir" && (path.ends_with("_samples") || path.ends_with("iterations") || path == "bdpt.light_paths")
+}
+
+/// Both groups in one app, because the compilation takes most of the time.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn bad_numbers_in_lights_cameras_and_settings_leave_no_trace_in_resampled_light() {
+    let Some(mut scene) = scene() else { return };
+    scene.with_techniques(&[Technique::Di, Technique::Gi, Technique::Bdpt], |scene, technique, good| {
+        check_lights(scene, technique, good);
+        check_camera_and_settings(scene, technique, good, |target, path, value| {
+            is_skipped(target, path, value) || chooses_pipelines(target, path)
+        });
+    });
+}
+
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_bad_numbers_in_lights_leave_no_trace() {
     let Some(mut scene) = scene() else { return };
-    scene.with_every_technique(|scene, technique, good| {
-        let [point, spot, sun, rect] = scene.lights;
-        let targets = [
-            Target::component::<PointLight>("PointLight", point),
-            Target::component::<SpotLight>("SpotLight", spot),
-            Target::component::<DirectionalLight>("DirectionalLight", sun),
-            Target::component::<RectLight>("RectLight", rect),
-            Target::component::<Transform>("point", point),
-            Target::component::<Transform>("spot", spot),
-            Target::component::<Transform>("rect", rect),
-            Target::component::<Transform>("sun", sun),
-        ];
-        let title = format!("{technique:?}");
-        try_all(&mut scene.rig, &targets, good, &title, extent(technique, Technique::Reference), is_skipped);
-        // `SunDisk` has no reflection.
-        for bad in BAD {
-            for disk in [SunDisk { angular_size: bad, intensity: 1.0 }, SunDisk { angular_size: 0.3, intensity: bad }] {
-                scene.rig.insert(sun, disk);
-                assert!(scene.rig.next().is_finite(), "{title}: SunDisk of {bad}");
-                assert_no_errors(&scene.rig, &title);
-            }
+    scene.with_every_technique(check_lights);
+}
+
+fn check_lights(scene: &mut Scene, technique: Technique, good: &Picture) {
+    let [point, spot, sun, rect] = scene.lights;
+    let targets = [
+        Target::component::<PointLight>("PointLight", point),
+        Target::component::<SpotLight>("SpotLight", spot),
+        Target::component::<DirectionalLight>("DirectionalLight", sun),
+        Target::component::<RectLight>("RectLight", rect),
+        Target::component::<Transform>("point", point),
+        Target::component::<Transform>("spot", spot),
+        Target::component::<Transform>("rect", rect),
+        Target::component::<Transform>("sun", sun),
+    ];
+    let title = format!("{technique:?}");
+    try_all(&mut scene.rig, &targets, good, &title, extent(technique, Technique::Reference), is_skipped);
+    // `SunDisk` has no reflection.
+    for bad in BAD {
+        for disk in [SunDisk { angular_size: bad, intensity: 1.0 }, SunDisk { angular_size: 0.3, intensity: bad }] {
+            scene.rig.insert(sun, disk);
+            assert!(scene.rig.next().is_finite(), "{title}: SunDisk of {bad}");
+            assert_no_errors(&scene.rig, &title);
         }
-        scene.rig.insert(sun, SunDisk { angular_size: 0.3, intensity: 1.0 });
-        scene.rig.frame();
-        assert_eq!(&fresh(&mut scene.rig), good, "{title}: SunDisk");
-    });
+    }
+    scene.rig.insert(sun, SunDisk { angular_size: 0.3, intensity: 1.0 });
+    scene.rig.frame();
+    assert_eq!(&fresh(&mut scene.rig), good, "{title}: SunDisk");
+    assert_no_errors(&scene.rig, &title);
+}
+
+/// `is_skipped`: numbers and values that are not tried.
+fn check_camera_and_settings(
+    scene: &mut Scene,
+    technique: Technique,
+    good: &Picture,
+    is_skipped: impl Fn(&str, &str, f64) -> bool,
+) {
+    let camera = scene.rig.camera;
+    let mut targets = vec![
+        Target::component::<Projection>("Projection", camera),
+        Target::component::<Transform>("camera", camera),
+        Target::component::<Exposure>("Exposure", camera),
+        Target::component::<Restir>("Restir", camera),
+    ];
+    // Without an environment, or without emission, other pipelines are compiled, which takes seconds.
+    if matches!(technique, Technique::Di | Technique::Pt) {
+        targets.push(Target::component::<RestirEnvironment>("RestirEnvironment", camera));
+        targets.push(Target::resource::<EmissiveLuminance>("EmissiveLuminance"));
+    }
+    let title = format!("{technique:?}");
+    try_all(&mut scene.rig, &targets, good, &title, extent(technique, Technique::Pt), is_skipped);
 }
 
 #[test]
@@ -208,26 +246,7 @@ fn full_length_bad_numbers_in_cameras_and_settings_leave_no_trace() {
     log::listen();
     let Some(mut scene) = scene() else { return };
     let camera = scene.rig.camera;
-    scene.with_every_technique(|scene, technique, good| {
-        let mut targets = vec![
-            Target::component::<Projection>("Projection", camera),
-            Target::component::<Transform>("camera", camera),
-            Target::component::<Exposure>("Exposure", camera),
-            Target::component::<Restir>("Restir", camera),
-        ];
-        // Without an environment other pipelines are compiled, which takes seconds.
-        if technique == Technique::Pt {
-            targets.push(Target::component::<RestirEnvironment>("RestirEnvironment", camera));
-        }
-        try_all(
-            &mut scene.rig,
-            &targets,
-            good,
-            &format!("{technique:?}"),
-            extent(technique, Technique::Pt),
-            is_skipped,
-        );
-    });
+    scene.with_every_technique(|scene, technique, good| check_camera_and_settings(scene, technique, good, is_skipped));
     scene.rig.insert(camera, orthographic(4.0, 3.0));
     scene.rig.set(|restir| restir.technique = Technique::Pt);
     scene.rig.until_ready();

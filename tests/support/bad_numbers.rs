@@ -7,6 +7,7 @@ use bevy::{
     prelude::*,
     reflect::{PartialReflect, ReflectMut},
 };
+use bevy_restir::testing::guards::GUARDS;
 
 /// Numbers that no field expects everywhere.  0, 1e30 and the denormal number are valid for some fields.
 pub const BAD: [f32; 7] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -1.0, 1e30, 1e-40];
@@ -120,10 +121,14 @@ pub fn fresh(rig: &mut Rig) -> Picture {
     rig.next()
 }
 
-/// Asserts that the counters of the frames so far are zero.
+/// Asserts that the last counted frame is sound, and that no frame of the run raised a guard that is raised by errors of ours alone: bad
+/// numbers are stopped before shaders see them.  Too bright light may raise the guard of overflows.
 pub fn assert_no_errors(rig: &Rig, name: &str) {
     let report = rig.report();
     assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "{name}");
+    let is_bug = |raised: &str| GUARDS.iter().any(|guard| guard.is_bug && guard.name == raised);
+    let bugs: Vec<_> = report.raised_guards().into_iter().filter(|&(raised, _)| is_bug(raised)).collect();
+    assert_eq!(bugs, [], "{name}, or a change before it");
 }
 
 /// How many numbers [`try_all`] tries.

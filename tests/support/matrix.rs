@@ -9,7 +9,7 @@ use super::{
     app::*,
     equivalence::{Comparison, Restarts},
     gpu::gpu,
-    proof::{Growing, Proof, Subject, first_seed},
+    proof::{Growing, Proof, Subject},
     small_scenes::*,
     stored_results::{Part, commit, folder_of, publish, read, write},
 };
@@ -42,6 +42,14 @@ pub trait Row: Copy {
     fn scene(&self) -> &'static str {
         Self::SCENES[self.choices()[0]]
     }
+    /// The scene of this name, and the camera that looks at it.
+    fn rig(name: &str) -> Option<Rig> {
+        if name == "moving" { scene(Self::SIZE, moving) } else { Rig::load(name, Self::SIZE) }
+    }
+    /// Rows that are measured whatever pairs they cover, before all others.
+    fn first_rows() -> Vec<Self> {
+        Vec::new()
+    }
     /// Whether this choice has an effect beside the other choices of the row.
     fn is_relevant(&self, choice: usize) -> bool;
     /// Whether the settings of the row are unbiased and can be measured.
@@ -72,8 +80,8 @@ fn cells<R: Row>(row: &R) -> Vec<String> {
     names.map(|(choice, name)| if row.is_relevant(choice) { name } else { "".into() }).collect()
 }
 
-/// Rows that cover every possible pair of values.  The choice is greedy: early rows cover the most pairs.
-fn covering_set<R: Row>() -> Vec<R> {
+/// [`Row::first_rows`], and rows with which they cover every possible pair of values.  The choice is greedy: early rows cover the most pairs.
+pub fn covering_set<R: Row>() -> Vec<R> {
     let all: Vec<R> = (0..R::CHOICES.iter().map(|(_, n)| n).product())
         .map(|mut i: usize| {
             let choose = |(_, n): &(&str, usize)| {
@@ -85,8 +93,9 @@ fn covering_set<R: Row>() -> Vec<R> {
         })
         .filter(is_distinct)
         .collect();
-    let mut missing: HashSet<[usize; 4]> = all.iter().flat_map(pairs).collect();
-    let mut rows = Vec::new();
+    let mut rows = R::first_rows();
+    let covered: HashSet<[usize; 4]> = rows.iter().flat_map(pairs).collect();
+    let mut missing: HashSet<[usize; 4]> = all.iter().flat_map(pairs).filter(|pair| !covered.contains(pair)).collect();
     while !missing.is_empty() {
         let new_pairs = |row: &&R| pairs(*row).iter().filter(|p| missing.contains(*p)).count();
         let best = *all.iter().max_by_key(new_pairs).expect("there are rows");
@@ -106,8 +115,7 @@ struct Stage {
 
 impl Stage {
     fn new<R: Row>(scene: &str) -> Option<Self> {
-        let rig = if scene == "moving" { self::scene(R::SIZE, moving) } else { Rig::load(scene, R::SIZE) };
-        let mut rig = rig?;
+        let mut rig = R::rig(scene)?;
         R::prepare(&mut rig);
         Some(Self { rig, truth: None })
     }
@@ -120,7 +128,7 @@ impl Stage {
             let path = folder.join(format!("reference {scene}.json"));
             Growing::new(read(&path).map(|v| restarts_from(&v)).unwrap_or_else(|| {
                 let start = Instant::now();
-                let truth = row.proof().truth(rig, first_seed(1000));
+                let truth = row.proof().truth(rig, 1000);
                 eprintln!("{scene}, reference: {:.0} s", start.elapsed().as_secs_f64());
                 let Restarts { images, regions, tiles, .. } = &truth;
                 write(&path, &json!({ "images": images, "regions": regions, "tiles": tiles }));
@@ -188,7 +196,7 @@ fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
         let start = Instant::now();
         let result = if i == 0 {
             plant_shader_defs(&mut subject.rig.app, &[R::PLANTED.0]);
-            let found = row.proof().resampled(&mut subject.rig, &row.subject(), first_seed(2000));
+            let found = row.proof().resampled(&mut subject.rig, &row.subject(), 2000);
             plant_shader_defs(&mut subject.rig.app, &[]);
             vec![found.compare(&subject.truth(folder, row).restarts, row.proof().margin)]
         } else {

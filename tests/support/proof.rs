@@ -2,7 +2,7 @@
 
 use super::{
     app::*,
-    equivalence::{Comparison, Length, POWER, Restarts},
+    equivalence::{Comparison, Length, Restarts},
     proof_rows::record,
     reuse_settings::di,
     small_scenes::STEPS,
@@ -139,8 +139,8 @@ impl Growing {
 /// References of shared scenes by everything that they depend on.  A test waits while another renders the one that it needs.
 static SHARED_TRUTHS: LazyLock<Mutex<HashMap<String, Arc<OnceLock<Restarts>>>>> = LazyLock::new(Mutex::default);
 
-/// The seed of a proof's first restart.  `PROOF_SEED` shifts the seeds of all proofs; `./run test --full` sets it to another number in
-/// each run.
+/// The seed of the first restart of a proof or of another statistical test.  `PROOF_SEED` shifts all of these seeds; `./run test --full` sets
+/// it to another number in each run.
 pub fn first_seed(seed: u32) -> u32 {
     let offset = std::env::var("PROOF_SEED").ok().and_then(|text| text.parse::<u32>().ok()).unwrap_or(0);
     seed.wrapping_add(offset.wrapping_mul(1_000_003))
@@ -192,7 +192,7 @@ impl Proof<'_> {
     /// of those of the reference, are then judged once.  A proof without enough power fails, too.
     pub fn check(&self, name: &str, rig: &mut Rig, techniques: &[(&str, impl Subject)]) {
         let start = Instant::now();
-        let mut reference = Growing::new(self.truth(rig, first_seed(1000)));
+        let mut reference = Growing::new(self.truth(rig, 1000));
         eprintln!("{name}, reference: {:.1} s", start.elapsed().as_secs_f64());
         for (what, subject) in techniques {
             let start = Instant::now();
@@ -201,8 +201,7 @@ impl Proof<'_> {
             });
             eprintln!("{name}, {what}: {result}, {:.1} s", start.elapsed().as_secs_f64());
             record(name, what, self.margin, &result, first.as_ref());
-            assert!(result.is_equal(), "{name}, {what}: {result}");
-            assert!(result.is_powerful(), "{name}, {what}: the power is below {POWER}, add restarts: {result}");
+            result.assert_equal(&format!("{name}, {what}"));
         }
         rig.assert_sound();
     }
@@ -215,15 +214,15 @@ impl Proof<'_> {
         reference: &mut Growing,
         on_failure: impl FnOnce(&Comparison),
     ) -> (Comparison, Option<Comparison>) {
-        let mut ours = self.resampled(rig, subject, first_seed(2000));
+        let mut ours = self.resampled(rig, subject, 2000);
         let first = ours.compare(&reference.restarts, self.margin);
-        if first.is_equal() || first.is_hopeless() {
+        if !first.is_undecided() {
             return (first, None);
         }
         on_failure(&first);
         let further = self.times(3);
-        reference.grow(|| further.truth(rig, first_seed(10_000)));
-        ours.append(further.resampled(rig, subject, first_seed(20_000)));
+        reference.grow(|| further.truth(rig, 10_000));
+        ours.append(further.resampled(rig, subject, 20_000));
         (ours.compare(&reference.restarts, self.margin), Some(first))
     }
 
@@ -268,14 +267,15 @@ impl Proof<'_> {
         rig.assert_sound();
     }
 
-    /// Restarts of the reference; those of a shared scene are rendered once in a process.
-    pub fn truth(&self, rig: &mut Rig, first_seed: u32) -> Restarts {
-        let Some(scene) = &rig.shared else { return self.render_truth(rig, first_seed) };
+    /// Restarts of the reference, from [`first_seed`] of this seed on; those of a shared scene are rendered once in a process.
+    pub fn truth(&self, rig: &mut Rig, seed: u32) -> Restarts {
+        let seed = first_seed(seed);
+        let Some(scene) = &rig.shared else { return self.render_truth(rig, seed) };
         let settings = rig.app.world().get::<Restir>(rig.camera).expect("the camera has settings");
         let (jitter, compensation) = (settings.jitter, settings.energy_compensation);
         let size = rig.size();
         let key = format!(
-            "{scene} {size} {} {:?} {first_seed} {} {} {} {jitter:?} {compensation}",
+            "{scene} {size} {} {:?} {seed} {} {} {} {jitter:?} {compensation}",
             self.bounces,
             self.truth,
             self.blended,
@@ -283,7 +283,7 @@ impl Proof<'_> {
             self.pose.is_some()
         );
         let shared = SHARED_TRUTHS.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone();
-        shared.get_or_init(|| self.render_truth(rig, first_seed)).clone()
+        shared.get_or_init(|| self.render_truth(rig, seed)).clone()
     }
 
     fn render_truth(&self, rig: &mut Rig, first_seed: u32) -> Restarts {
@@ -295,19 +295,20 @@ impl Proof<'_> {
         self.collect(emissions, pictures(rig, first_seed, 0, self.truth))
     }
 
-    /// Restarts of a technique: the mean of all frames from the reset on, or the last frame of the motion.
-    pub fn resampled(&self, rig: &mut Rig, subject: &impl Subject, first_seed: u32) -> Restarts {
+    /// Restarts of a technique, from [`first_seed`] of this seed on: the mean of all frames from the reset on, or the last frame of the motion.
+    pub fn resampled(&self, rig: &mut Rig, subject: &impl Subject, seed: u32) -> Restarts {
+        let seed = first_seed(seed);
         if let Some(pose) = self.pose {
             pose(rig, STEPS);
         }
-        let emissions = self.emissions(rig, first_seed, self.ours);
+        let emissions = self.emissions(rig, seed, self.ours);
         rig.set(|r| {
             r.bounces = self.bounces;
             subject.apply_to(r);
         });
         match self.pose {
-            None => self.collect(emissions, pictures(rig, first_seed, self.warm_up, self.ours)),
-            Some(pose) => self.collect(emissions, last_frames(rig, first_seed, self.warm_up, self.ours, pose)),
+            None => self.collect(emissions, pictures(rig, seed, self.warm_up, self.ours)),
+            Some(pose) => self.collect(emissions, last_frames(rig, seed, self.warm_up, self.ours, pose)),
         }
     }
 

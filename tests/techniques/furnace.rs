@@ -2,7 +2,7 @@
 //! bounces the factors of Russian roulette compound.  In a ball, unlike in a box, every point of the surface sends the same light to every
 //! other, so that samples of lights and of the BSDF have hardly any variance.
 
-use crate::support::{app::*, stats::mean_and_error};
+use crate::support::{app::*, proof::first_seed, stats::mean_and_error};
 use bevy::prelude::*;
 use bevy_restir::{Denoiser, Jitter, Preset, Restir, Technique};
 
@@ -36,7 +36,7 @@ fn check(technique: Technique, preset: Preset, history: u32, frames: u32) {
     let bounces = if technique.has_indirect_light() { Restir::preset(preset).bounces } else { 1 };
     let expected: f64 = (0..=bounces).map(|k| f64::from(EMISSION) * f64::from(ALBEDO).powi(k as i32)).sum();
     let means = (0..8).map(|seed| {
-        rig.set(|r| (r.seed, r.accumulate) = (seed, false));
+        rig.set(|r| (r.seed, r.accumulate) = (first_seed(seed), false));
         rig.frames(history);
         rig.set(|r| r.accumulate = true);
         rig.frames(frames - 1);

@@ -6,7 +6,7 @@
 
 use crate::support::{
     app::*,
-    proof::{Proof, Shipped, first_seed},
+    proof::{Proof, Shipped},
     small_scenes::*,
 };
 use bevy_restir::{Preset, Restir, Technique};
@@ -70,7 +70,7 @@ rows! {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_contribution_weights_of_the_balanced_preset_that_are_3_percent_too_large_are_found() {
     let Some((mut rig, proof)) = proof_in("cornell", Balanced, &[Pt], 0.01, (6, 10), (16, 60)) else { return };
-    let reference = proof.truth(&mut rig, first_seed(1000));
+    let reference = proof.truth(&mut rig, 1000);
     proof.finds(&mut rig, &reference, [("PLANT_SCALED_UCW", Shipped(Pt, Balanced))]);
 }
 

@@ -31,7 +31,7 @@ const SHADOWS: &str = "direct.bias_correction=HeuristicsAndMis direct.visibility
 pub const UNCHANGED: &str = "unchanged";
 
 /// Each setting alone.  The first row of a technique is the preset without changes, which must equal the reference tracer within noise.
-pub static SETTINGS: [Setting; 32] = {
+pub static SETTINGS: [Setting; 35] = {
     use Technique::{Bdpt, Gi, Pt};
     [
         at_rest(Pt, UNCHANGED, ""),
@@ -58,6 +58,7 @@ pub static SETTINGS: [Setting; 32] = {
         at_rest(Gi, UNCHANGED, ""),
         at_rest(Gi, "paths.assume_diffuse_secondary", "paths.assume_diffuse_secondary=true"),
         at_rest(Bdpt, UNCHANGED, ""),
+        at_rest(Bdpt, "bdpt.mis: Copied", "bdpt.mis=Copied"),
         in_motion(Pt, UNCHANGED, ""),
         in_motion(Pt, "denoiser", "denoiser.iterations=5"),
         in_motion(Pt, "shadows as in Performance", SHADOWS),
@@ -66,6 +67,8 @@ pub static SETTINGS: [Setting; 32] = {
         in_motion(Pt, "paths.suffix_retrace: Off", "paths.suffix_retrace=Off"),
         in_motion(Gi, UNCHANGED, ""),
         in_motion(Gi, "paths.assume_diffuse_secondary", "paths.assume_diffuse_secondary=true"),
+        in_motion(Bdpt, UNCHANGED, ""),
+        in_motion(Bdpt, "bdpt.mis: Copied", "bdpt.mis=Copied"),
     ]
 };
 

@@ -43,6 +43,8 @@ const ERROR_SPLATS: u32 = 1u;
 const ERROR_ENVIRONMENT: u32 = 2u;
 const ERROR_SPLAT_DENSITY: u32 = 3u;
 const ERROR_CANDIDATES: u32 = 4u;
+const ERROR_DIRECTION: u32 = 5u;
+const ERROR_DELTA_SUFFIX: u32 = 6u;
 
 var<private> p: Path;
 var<private> light: array<MisState, 10>;     // of the light sub-path, after the arrival at a vertex
@@ -119,7 +121,21 @@ fn scattering(s: CameraState, i: u32) -> CameraState {
 }
 
 fn leaving(s: CameraState, i: u32, reconnection: u32) -> CameraState {
-    return state_of_ray(s, vertex(i), step_from(i), i == reconnection && i != p.below);
+    var ray = state_of_ray(s, vertex(i), step_from(i), i == reconnection && i != p.below);
+    if p.error == ERROR_DELTA_SUFFIX && i > reconnection && !is_connectable(i) {
+        ray.earlier *= p.reverse[i - 1u];
+    }
+    return ray;
+}
+
+// Eq. 42 as printed, at the last vertex x_e of a camera sub-path: the last edge has the geometry term of the edge before, in the direction of
+// the sub-path.  The state lacks the distance of the last edge, which cancels.
+fn with_printed_direction(s: CameraState, e: u32, reconnection: u32) -> CameraState {
+    var printed = s;
+    if p.error == ERROR_DIRECTION && reconnection > 0u && e >= reconnection + 2u {
+        printed.earlier *= p.cos_in[e - 1u] * p.distance2[e] / (p.distance2[e - 1u] * p.cos_out[e - 1u]);
+    }
+    return printed;
 }
 
 // The state at x_last of a camera sub-path that has this reconnection vertex; 0: none.
@@ -140,15 +156,16 @@ struct MisSum {
 
 fn mis_sum_of(t: u32, reconnection: u32) -> MisSum {
     let last = min(t, p.k) - 1u;
-    let at = state_at_vertex(last, reconnection);
+    let state = state_at_vertex(last, reconnection);
+    if t > p.k {
+        let ray = with_printed_direction(leaving(state, last, reconnection), p.k, reconnection);
+        return MisSum(mis_sum_of_hit(ray, light_sample(), !is_connectable(last), last, counts()), ray);
+    }
+    let at = with_printed_direction(state, last, reconnection);
     if t < p.k {
         return MisSum(mis_sum_of_connection(at, vertex(last), vec3<f32>(0.0), p.forward[t], ratios_of_connection(t)), at);
     }
-    if t == p.k {
-        return MisSum(mis_sum_of_nee(at, vertex(last), light_sample(), p.forward[p.k], last, counts()), at);
-    }
-    let ray = leaving(at, last, reconnection);
-    return MisSum(mis_sum_of_hit(ray, light_sample(), !is_connectable(last), last, counts()), ray);
+    return MisSum(mis_sum_of_nee(at, vertex(last), light_sample(), p.forward[p.k], last, counts()), at);
 }
 
 // As `restir/connection/connection.wgsl` does it.

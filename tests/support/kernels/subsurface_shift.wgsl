@@ -2,7 +2,8 @@
 // `shaders/pass/sss_candidates.wgsl`, with a reuse pass that copies the result.
 //
 // TEST_ROUND_TRIP: the sample is packed and unpacked, shifted to a partner and back.  Writes (reason why it could not, 1: reconnected or 2:
-// drawn again, +2 if the partner is in the last frame, relative error of contribution and Jacobians).
+// drawn again, +2 if the partner is in the last frame, relative error of contribution and Jacobians).  Where it could not, or has a large
+// error, and lies at an edge, the reason is AT_EDGE.
 // TEST_CENSUS: writes a bounded function, integrated over the samples that the shift takes to the partner, and over those that the
 // partner's shift takes here: over all pixels both sums are the same integral.
 // TEST_JACOBIAN: writes (ratio of the Jacobian to that of finite differences, 1, 0) for samples that are drawn again.
@@ -61,6 +62,13 @@ fn is_reconnected(s: EntrySample) -> bool {
 }
 
 #ifdef TEST_ROUND_TRIP
+// The sample lies at an edge, where rounding decides.
+const AT_EDGE: f32 = 5.0;
+// A relative error above this is large.
+const COARSE: f32 = 0.05;
+// Change of the random numbers of a probe: far above rounding, and so small that few paths lie this near to an edge.
+const EDGE_STEP: f32 = 1.0e-4;
+
 fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     var to = partner(r, ids, pixel);
     let before = (pixel.x + pixel.y) % 2u == 1u;
@@ -89,8 +97,27 @@ fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: ve
         } else {
             error = max(distance(back.f, f) / length(f), abs(there.jacobian * back.jacobian - 1.0));
         }
+        if (reason > 0.0 || error > COARSE) && !is_reconnected(stored.sample) && is_at_edge(r, stored, f) {
+            reason = AT_EDGE;
+        }
     }
     return vec3<f32>(reason, select(2.0, 1.0, is_reconnected(stored.sample)) + select(0.0, 2.0, before), error);
+}
+
+// Whether the sample lies at an edge of the body or of a shadow, at the end of the reach of its probe, where the hybrid shift changes, or where
+// its light is steep: of four samples whose probes are moved a little, some carry about the same light to the pixel, and some do not.  Where
+// none does, the shift itself is wrong.
+fn is_at_edge(r: Receiver, stored: Reservoir, f: vec3<f32>) -> bool {
+    var alike = 0u;
+    for (var i = 0u; i < 4u; i += 1u) {
+        let step = select(EDGE_STEP, -EDGE_STEP, i % 2u == 1u);
+        var moved = stored;
+        moved.sample.probe.u_radius = clamp(stored.sample.probe.u_radius + select(0.0, step, i < 2u), 0.0, 0.9999999);
+        moved.sample.probe.u_angle = stored.sample.probe.u_angle + select(0.0, step, i >= 2u);
+        let e = evaluate(r, moved);
+        alike += u32(e.jacobian > 0.0 && distance(e.f, f) < 0.25 * length(f) && is_visible(r, e, 0u));
+    }
+    return alike > 0u && alike < 4u;
 }
 
 fn same_point_before(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {

@@ -2,7 +2,7 @@
 
 use crate::support::{
     app::*,
-    proof::{Bidirectional, Proof, Subject, first_seed},
+    proof::{Bidirectional, Proof, Subject},
     reuse_settings::paths,
     small_scenes::*,
 };
@@ -49,10 +49,10 @@ fn full_length_copied_weights_keep_the_light_of_a_picture() {
         let Some(mut rig) = rig else { return };
         rig.set(|r| r.jitter = Jitter::Always);
         let proof = Proof { bounces: 4, blended: true, ..Proof::of((32, 12), (24, 150)) };
-        let truth = proof.truth(&mut rig, first_seed(1000));
+        let truth = proof.truth(&mut rig, 1000);
         let [exact, copied] = [Exact, Copied].map(|mis| {
             let subject = all_techniques(mis, paths::all_reuse());
-            proof.resampled(&mut rig, &subject, first_seed(2000))
+            proof.resampled(&mut rig, &subject, 2000)
         });
         let bias = copied.mean() / exact.mean() - 1.0;
         let [exact, copied] = [exact, copied].map(|found| found.compare(&truth, margin));

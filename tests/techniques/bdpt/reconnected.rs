@@ -8,6 +8,7 @@ use super::{
 use crate::support::{
     app::*,
     change_of_measure::{Measure, SIZE},
+    equivalence::Length,
     proof::{Bidirectional, Proof, Subject, emission},
     reuse_settings::paths,
     small_scenes::*,
@@ -285,24 +286,18 @@ fn check_alone(kinds: &[(&'static str, Paths)], proofs: &[(&str, Proof)]) {
 
 fn check_alone_in(make: impl FnOnce(&mut Rig), kinds: &[(&'static str, Paths)], proofs: &[(&str, Proof)]) {
     let Some(mut rig) = jittered(make) else { return };
+    // The reference has no code for these definitions.
+    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+    let subjects: Vec<_> = kinds.iter().map(|(what, paths)| (*what, Reconnected(Lightweight, paths.clone()))).collect();
     for (name, proof) in proofs {
-        let truth = proof.truth(&mut rig, 1000);
-        plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
-        for (what, paths) in kinds {
-            let found =
-                proof.resampled(&mut rig, &Reconnected(Lightweight, paths.clone()), 2000).compare(&truth, proof.margin);
-            eprintln!("{name}, {what}: {found}");
-            assert!(found.is_equal(), "{name}, {what}: {found}");
-        }
-        plant_shader_defs(&mut rig.app, &[]);
+        proof.check(&format!("{name}, reconnected light paths alone"), &mut rig, &subjects);
     }
-    rig.assert_sound();
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn reconnected_light_paths_alone_find_all_light_of_a_diffuse_corner() {
-    check_alone(&kinds()[3..4], &[("still", STILL), ("moving", MOVING)]);
+    check_alone(&kinds()[3..4], &[("a still corner", STILL), ("a moving corner", MOVING)]);
 }
 
 /// The camera comes nearer in long steps.  The least footprint of a reconnection follows its distance.
@@ -317,7 +312,15 @@ fn pose_dolly(rig: &mut Rig, step: u32) {
 #[ignore = "second tier: ./run test --more"]
 fn light_paths_of_the_last_frame_stay_in_their_domain() {
     let often_replayed = Paths { footprint: 3.0, ..paths::all_reuse() };
-    check_alone(&[("both", often_replayed)], &[("dolly", Proof { pose: Some(&pose_dolly), margin: 0.024, ..MOVING })]);
+    // In a run of 10 restarts, paths that are kept in both domains brightened the picture by 1.4 %.
+    let proof = Proof {
+        ours: Length { restarts: 60, ..MOVING.ours },
+        truth: Length { restarts: 24, ..MOVING.truth },
+        margin: 0.012,
+        pose: Some(&pose_dolly),
+        ..MOVING
+    };
+    check_alone(&[("both", often_replayed)], &[("a camera that comes nearer", proof)]);
 }
 
 /// A wall between a lit half and a dark one: most shifts to the other half pass through it.
@@ -329,13 +332,13 @@ fn reconnected_light_paths_do_not_pass_through_a_wall() {
         let wall = Cuboid::from_size(Vec3::new(0.02, 3.0, 3.0));
         rig.spawn(wall, lambert(0.5), Transform::from_xyz(-0.1, 0.0, 0.3));
     };
-    check_alone_in(halves, &kinds()[3..4], &[("wall", STILL)]);
+    check_alone_in(halves, &kinds()[3..4], &[("a corner with a wall", STILL)]);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn reconnected_light_paths_alone_find_all_light_with_any_reuse() {
-    check_alone(&kinds(), &[("still", STILL), ("moving", MOVING)]);
+    check_alone(&kinds(), &[("a still corner", STILL), ("a moving corner", MOVING)]);
 }
 
 #[test]

@@ -152,7 +152,7 @@ fn other_pixels(rig: &mut Rig, emitted: &Picture, least: u32) -> RoundTrips {
 #[ignore = "second tier: ./run test --more"]
 fn paths_beside_light_paths_return_unchanged_from_other_pixels() {
     let mirrors = PATH_SCENES[2];
-    check_other_pixels(&[mirrors], 60_000);
+    check_other_pixels(&[mirrors], 100_000);
 }
 
 /// Shifts paths that end with a connection, until this many have returned from each scene.
@@ -181,20 +181,27 @@ fn check_connections(scenes: &[(&str, fn(&mut Rig))], each: u32, mis: ShiftedMis
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn connected_paths_return_unchanged_from_other_pixels() {
-    check_connections(&PATH_SCENES[..1], 10_000, ShiftedMis::Exact);
+    check_connections(&PATH_SCENES[..1], 100_000, ShiftedMis::Exact);
 }
 
 /// Such a path has its first weight wherever it goes, so that it returns with the same light.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn connected_paths_with_copied_weights_return_unchanged_from_other_pixels() {
-    check_connections(&PATH_SCENES[..1], 10_000, ShiftedMis::Copied);
+    check_connections(&PATH_SCENES[..1], 100_000, ShiftedMis::Copied);
 }
 
+/// Each picture takes four frames, so that the second tier has half as many paths as in the test of other pixels.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn connected_paths_return_unchanged_from_the_last_frame() {
-    check_last_frame_of("moving", moving, &pose_moving, 10_000, 1e-3, true);
+    check_last_frame_of("moving", moving, &pose_moving, 50_000, 1e-3, true);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_million_connected_paths_return_from_the_last_frame() {
+    check_last_frame_of("moving", moving, &pose_moving, 1_000_000, 1e-3, true);
 }
 
 #[test]

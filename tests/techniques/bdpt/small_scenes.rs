@@ -13,7 +13,7 @@ use crate::support::{
 };
 use LightTechniques::*;
 use bevy::prelude::*;
-use bevy_restir::{Jitter, LightTechniques, Paths};
+use bevy_restir::{Jitter, LightTechniques, Paths, Reuse, ReuseOrder};
 
 /// The margins of the image means, and the numbers of restarts and frames.
 const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::of((24, 6), (24, 16)) };
@@ -64,6 +64,36 @@ fn light_paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
         ("both, by paths that are often replayed", Bidirectional(Full, often_replayed)),
     ];
     PROOF.check("room", &mut rig, &all);
+}
+
+/// The resampling routine has seven inputs: the pixel's own sample, that of the last frame where it is resampled in the same pass, and those of
+/// neighbors.
+#[test]
+fn six_neighbors_are_in_range_where_the_last_frame_has_a_pass_of_its_own() {
+    for (order, most) in [(ReuseOrder::TemporalThenSpatial, 6), (ReuseOrder::Spatiotemporal, 5)] {
+        for asked in [most, most + 1] {
+            let mut settings = plain();
+            (settings.paths.reuse.order, settings.paths.reuse.spatial_samples) = (order, asked);
+            let warnings = settings.validate();
+            let is_reported = warnings.iter().any(|warning| warning.contains("spatial_samples"));
+            assert_eq!(is_reported, asked > most, "{order:?}, {asked}: {warnings:?}");
+            assert_eq!(settings.paths.reuse.spatial_samples, most, "{order:?}, {asked}");
+        }
+    }
+}
+
+/// The settings for pictures offline (Hedstrom et al. 2025, 7.2), and the same with pairs.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn three_rounds_of_six_neighbors_equal_the_reference() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|r| r.jitter = Jitter::Always);
+    let offline = |paired| {
+        let all = paths::all_reuse();
+        let reuse = Reuse { temporal: false, spatial_samples: 6, spatial_iterations: 3, paired, ..all.reuse.clone() };
+        Bidirectional(Full, Paths { reuse, ..all })
+    };
+    PROOF.check("room", &mut rig, &[("three rounds of six", offline(false)), ("in pairs", offline(true))]);
 }
 
 #[test]

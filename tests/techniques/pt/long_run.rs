@@ -14,5 +14,6 @@ fn check(runs: u32, frames: u32, margin: f64) {
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_runs_of_five_hundred_moving_frames_of_paths_gain_and_lose_no_light() {
-    check(4, 500, 0.005);
+    // Four runs had a standard error of 0.22 %, with which 16 have a power of 0.92 to 0.96.  An error of four runs is a rough estimate, hence 24.
+    check(24, 500, 0.005);
 }
