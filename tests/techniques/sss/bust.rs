@@ -1,15 +1,14 @@
-//! Light in a head with thin ears and a nose equals the reference: with every shift of ReSTIR SSS, and in the paths of ReSTIR PT.
+//! Light in a head with thin ears and a nose: the scene, and paths in it that have all light.  `every_shift` has direct light apart.
 
-use super::small_scenes::{SHIFTS, with};
-use crate::support::{
-    app::*,
-    proof::Proof,
-    reuse_settings::{paths, subsurface},
-    small_scenes::*,
-};
+use crate::support::{app::*, proof::Proof, reuse_settings::paths, small_scenes::*};
 use bevy::prelude::*;
-use bevy_restir::{Subsurface, SubsurfaceSampling};
+use bevy_restir::Subsurface;
 use bevy_restir_support::bodies::head;
+
+/// For pictures of [`bust_scene`].
+pub(super) const PROOF: Proof = Proof { margin: 0.03, ..Proof::of((40, 10), (40, 40)) };
+/// With a second bounce, because light that leaves the head enters it again beside the nose and behind the ears.
+pub(super) const PATHS: Proof = Proof { bounces: 2, ..PROOF };
 
 /// A head, 2.2 m high, with a lamp before it and one behind it.  The camera sees neither of them.
 fn bust(rig: &mut Rig) {
@@ -21,19 +20,16 @@ fn bust(rig: &mut Rig) {
     rig.spawn(square(1.2), lamp(5.0, 6.0, 8.0), facing(Vec3::new(-3.3, 0.8, -1.6), Vec3::ZERO));
 }
 
-/// Mesa 22.3 needed more than 20 GB of memory for this test when it compiled direct light again in every frame (`view/camera.wgsl`).
+/// [`bust`] in 48 x 48 pixels.  Tests of one process render its references once.
+pub(super) fn bust_scene() -> Option<Rig> {
+    let mut rig = scene(48, bust)?;
+    rig.shared = Some("bust".into());
+    Some(rig)
+}
+
 #[test]
-#[ignore = "minutes, and more than 20 GB of memory: ./run test --full"]
-fn full_length_light_in_a_head_equals_the_reference_with_every_shift() {
-    let Some(mut rig) = scene(48, bust) else { return };
-    let proof = Proof { margin: 0.03, ..Proof::of((40, 10), (24, 40)) };
-    let cases: Vec<_> = SHIFTS
-        .iter()
-        .map(|&shift| (format!("{shift:?}"), with(SubsurfaceSampling { shift, ..subsurface::all_reuse() })))
-        .collect();
-    let cases: Vec<_> = cases.iter().map(|(name, case)| (name.as_str(), case.clone())).collect();
-    proof.check("bust", &mut rig, &cases);
-    // Light that leaves the head enters it again beside the nose and behind the ears.
-    let proof = Proof { bounces: 2, ..proof };
-    proof.check("bust", &mut rig, &[("PT, both", paths::all_reuse())]);
+#[ignore = "minutes: ./run test --full"]
+fn full_length_paths_in_a_head_equal_the_reference() {
+    let Some(mut rig) = bust_scene() else { return };
+    PATHS.check("bust", &mut rig, &[("PT, both", paths::all_reuse())]);
 }

@@ -1,28 +1,26 @@
 //! Paths of ReSTIR PT and GI that go through translucent bodies equal the reference, still and moving, and planted errors are found.
 
-use super::{shifts::turn, small_scenes::bodies};
+use super::{
+    shifts::turn,
+    small_scenes::{bodies, check_moving},
+};
 use crate::{
     support::{
         app::*,
-        proof::{Bidirectional, Indirect, Proof},
-        reuse_settings::{di, paths, subsurface},
+        proof::{Bidirectional, Proof},
+        reuse_settings::paths,
         small_scenes::*,
     },
     techniques::bdpt::shifts::check_last_frame,
 };
 use bevy::prelude::*;
-use bevy_restir::{
-    Direct, Jitter, LightTechniques, Paths, Reconnection, SubsurfaceSampling, testing::shader_library::ShaderEdit,
-};
+use bevy_restir::{Jitter, LightTechniques, Paths, Reconnection, testing::shader_library::ShaderEdit};
 
-const BOUNCES: u32 = 3;
+pub(super) const BOUNCES: u32 = 3;
 /// For pictures of 64 x 64 pixels.
-const PROOF: Proof = Proof { bounces: BOUNCES, margin: 0.015, ..Proof::of((48, 16), (32, 64)) };
-
-/// Direct and indirect light of ReSTIR GI, which resamples them apart.
-fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
-    (Indirect(Direct { subset_count: 0, ..di::all_reuse() }, paths), subsurface::all_reuse())
-}
+pub(super) const PROOF: Proof = Proof { bounces: BOUNCES, margin: 0.015, ..Proof::of((48, 16), (48, 64)) };
+/// The same in motion.
+pub(super) const MOVING: Proof = Proof { bounces: BOUNCES, margin: 0.02, ..Proof::of((200, 1), (40, 64)) };
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
@@ -30,14 +28,6 @@ fn paths_between_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = scene(64, translucent_room) else { return };
     let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((14, 8), (12, 20)) };
     proof.check("translucent room", &mut rig, &[("PT, both", paths::all_reuse())]);
-}
-
-#[test]
-#[ignore = "second tier: ./run test --more"]
-fn indirect_light_in_translucent_bodies_equals_the_reference() {
-    let Some(mut rig) = bodies() else { return };
-    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((36, 12), (16, 32)) };
-    proof.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
 }
 
 #[test]
@@ -78,7 +68,6 @@ fn full_length_every_kind_of_reuse_in_translucent_bodies_equals_the_reference() 
     ];
     let Some(mut rig) = bodies() else { return };
     PROOF.check("bodies", &mut rig, &cases);
-    PROOF.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
     let Some(mut rig) = scene(64, translucent_room) else { return };
     let proof = Proof { margin: 0.01, ..PROOF };
     proof.check("translucent room", &mut rig, &cases);
@@ -87,11 +76,7 @@ fn full_length_every_kind_of_reuse_in_translucent_bodies_equals_the_reference() 
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_paths_through_moving_bodies_equal_the_reference() {
-    let mut moving = [Entity::PLACEHOLDER; 2];
-    let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
-    let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
-    let proof = Proof { bounces: BOUNCES, margin: 0.02, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
-    proof.check("moving bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
+    check_moving(MOVING, &[("PT, both", paths::all_reuse())]);
 }
 
 /// Rounding moves a point of a probe across an edge now and then.

@@ -59,14 +59,16 @@ fn pixels(rig: &mut Rig, seed: u32) -> Vec<Vec3> {
     rig.next().iter().map(|(_, c)| c).collect()
 }
 
-/// Round trips: the number of samples that returned, that did not arrive, and that were lost on the way back, by the kind of shift
-/// (reconnected, drawn again); the number with an error above 5 %, and the largest error.
+/// Round trips: the number of samples that returned, by the kind of shift (reconnected, drawn again), that did not arrive, and that were lost
+/// on the way back; the number with an error above 5 %, and the largest error.  Of samples that were lost or have such an error, those that lie
+/// at an edge count apart.
 #[derive(Debug, Default)]
 struct RoundTrips {
     returned: [u32; 2],
     away: u32,
     /// Undefined, another point, no light, hidden.
     lost: [u32; 4],
+    at_edge: u32,
     coarse: u32,
     worst: f32,
 }
@@ -79,21 +81,20 @@ impl RoundTrips {
                 self.coarse += u32::from(c.z > 0.05);
                 self.worst = self.worst.max(c.z);
             }
+            5 => self.at_edge += 1,
             50 => self.away += 1,
             reason => self.lost[reason - 1] += 1,
         }
     }
 
-    /// Rounding moves a point of a probe across an edge now and then; nothing else may lose a sample.
+    /// Rounding moves a point of a probe across an edge now and then: the kernel finds the edge by probes beside it, of which some see other
+    /// light.  Nothing else may lose a sample, and a reconnection none at all.
     fn assert_fine(&self, what: &str, least: u32) {
         eprintln!("{what}: {self:?}");
         let back = self.returned.iter().sum::<u32>();
         assert!(back > least, "{what}: {self:?}");
-        let lost = self.lost.iter().sum::<u32>() + self.coarse;
-        assert!(f64::from(lost) < 2e-3 * f64::from(back), "{what}: {self:?}");
-        if what.starts_with("Reconnection") {
-            assert_eq!((self.lost, self.coarse), ([0; 4], 0), "{what}");
-        }
+        assert_eq!((self.lost, self.coarse), ([0; 4], 0), "{what}: {self:?}");
+        assert!(f64::from(self.at_edge) < 2e-3 * f64::from(back), "{what}: {self:?}");
     }
 }
 
@@ -194,6 +195,10 @@ fn samples_found_by_their_probes(rig: &mut Rig, moving: [Entity; 2]) -> f32 {
     stored.y / stored.x
 }
 
+/// Reconnected samples keep the probes of the pixels that they come from.
+pub(super) const STALE: ShaderEdit =
+    ShaderEdit { module: "restir/sss/domain.wgsl", from: "!has(RESAMPLE_INVERT_PROBES) ||", to: "true ||" };
+
 /// Sequential shifts reconnect samples before they draw their probes again, so that reconnected samples need new probes.
 #[test]
 fn probes_of_sequential_shifts_find_the_stored_points_again() {
@@ -208,9 +213,7 @@ fn probes_of_sequential_shifts_find_the_stored_points_again() {
     rig.until_ready();
     let found = samples_found_by_their_probes(&mut rig, moving);
     assert!(found > 0.995, "{found}");
-    // The error of probes that belong to another pixel.
-    let stale = ShaderEdit { module: "restir/sss/domain.wgsl", from: "!has(RESAMPLE_INVERT_PROBES) ||", to: "true ||" };
-    plant_edits(&mut rig.app, &[stale]);
+    plant_edits(&mut rig.app, &[STALE]);
     rig.until_ready();
     let found = samples_found_by_their_probes(&mut rig, moving);
     assert!(found < 0.9, "{found}");

@@ -1,4 +1,5 @@
-//! ReSTIR DI with translucent bodies equals the reference at one bounce, with every shift, still and moving, and planted errors are found.
+//! ReSTIR DI with translucent bodies equals the reference at one bounce, still and moving, and planted errors are found.  `every_shift` has
+//! all shifts.
 
 use super::shifts::turn;
 use crate::support::{
@@ -13,18 +14,18 @@ use bevy_restir::{
     testing::{plant_shader_defs, shader_library::ShaderEdit},
 };
 
-pub(super) const SHIFTS: [SubsurfaceShift; 4] =
-    [SubsurfaceShift::Reconnection, SubsurfaceShift::Delayed, SubsurfaceShift::Hybrid, SubsurfaceShift::Sequential];
-
-pub(super) fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
+fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
     // Pixels of a tile share a subset of the lights, so that small pictures with subsets are noisy as a whole.
     (Direct { subset_count: 0, ..di::all_reuse() }, sampling)
 }
 
 /// For pictures of 64 x 64 pixels.
-const PROOF: Proof = Proof { margin: 0.02, ..Proof::of((40, 16), (40, 64)) };
+pub(super) const PROOF: Proof = Proof { margin: 0.02, ..Proof::of((40, 16), (40, 64)) };
+/// The same in motion.
+pub(super) const MOVING: Proof = Proof { margin: 0.03, ..Proof::of((160, 1), (20, 64)) };
 
-/// The bodies of [`translucent`], none as its mesh is: the ball is stretched, and the slab and the plate are mirrored.
+/// The bodies of [`translucent`], none as its mesh is: the ball is stretched, and the slab and the plate are mirrored.  Tests of one process
+/// render their references once.
 pub(super) fn bodies() -> Option<Rig> {
     let mut ball = Entity::PLACEHOLDER;
     let mut rig = scene(64, |rig| ball = translucent(rig)[0])?;
@@ -34,6 +35,7 @@ pub(super) fn bodies() -> Option<Rig> {
         let scale = if body == ball { Vec3::new(1.3, 0.8, 1.0) } else { Vec3::new(-1.0, 1.0, 1.0) };
         rig.get_mut::<Transform>(body).scale = scale;
     }
+    rig.shared = Some("translucent bodies".into());
     Some(rig)
 }
 
@@ -47,25 +49,20 @@ fn light_in_translucent_bodies_equals_the_reference() {
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
-fn full_length_every_shift_in_translucent_bodies_equals_the_reference() {
+fn full_length_candidates_and_other_weights_in_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    let mut cases = vec![("candidates".to_string(), with(subsurface::candidates_only()))];
-    // In a still scene all shifts between frames are the identity.
-    cases.push(("temporal".to_string(), with(subsurface::temporal())));
-    for shift in SHIFTS {
-        for (name, sampling) in [("spatial", subsurface::spatial()), ("both", subsurface::all_reuse())] {
-            cases.push((format!("{shift:?}, {name}"), with(SubsurfaceSampling { shift, ..sampling })));
-        }
-    }
-    for (name, mis) in [("balance", Mis::Balance), ("1/|Z|", Mis::OneOverZ), ("spatiotemporal", Mis::Pairwise)] {
-        let order = if mis == Mis::Pairwise { ReuseOrder::Spatiotemporal } else { ReuseOrder::TemporalThenSpatial };
+    let weighted = |mis, order| {
         let reuse = Reuse { mis, order, ..subsurface::all_reuse().reuse };
-        cases.push((format!("Hybrid, {name}"), with(SubsurfaceSampling { reuse, ..subsurface::all_reuse() })));
-    }
-    let cases: Vec<_> = cases.iter().map(|(name, case)| (name.as_str(), case.clone())).collect();
-    // 1/|Z| is noisier than the other weights.
-    let (noisy, cases): (Vec<_>, Vec<_>) = cases.into_iter().partition(|(name, _)| name.ends_with("1/|Z|"));
+        with(SubsurfaceSampling { reuse, ..subsurface::all_reuse() })
+    };
+    let cases = [
+        ("candidates", with(subsurface::candidates_only())),
+        ("Hybrid, balance", weighted(Mis::Balance, ReuseOrder::TemporalThenSpatial)),
+        ("Hybrid, spatiotemporal", weighted(Mis::Pairwise, ReuseOrder::Spatiotemporal)),
+    ];
     PROOF.check("bodies", &mut rig, &cases);
+    // 1/|Z| is noisier than the other weights.
+    let noisy = [("Hybrid, 1/|Z|", weighted(Mis::OneOverZ, ReuseOrder::TemporalThenSpatial))];
     Proof { margin: 0.03, ..Proof::of((80, 16), (40, 64)) }.check("bodies", &mut rig, &noisy);
 }
 
@@ -82,30 +79,18 @@ fn full_length_presampled_light_in_translucent_bodies_equals_the_reference() {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_the_default_settings_of_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    let default = with(SubsurfaceSampling::default());
-    PROOF.check("bodies", &mut rig, &[("default", default.clone())]);
-    check_moving("default", default);
+    let cases = [("default", with(SubsurfaceSampling::default()))];
+    PROOF.check("bodies", &mut rig, &cases);
+    check_moving(MOVING, &cases);
 }
 
-#[test]
-#[ignore = "minutes: ./run test --full"]
-fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
-    for shift in SHIFTS {
-        for (name, sampling) in [("both", subsurface::all_reuse()), ("temporal", subsurface::temporal())] {
-            // Without an iteration over this frame, sequential shifts are delayed reconnections.
-            if (shift, name) != (SubsurfaceShift::Sequential, "temporal") {
-                check_moving(&format!("{shift:?}, {name}"), with(SubsurfaceSampling { shift, ..sampling }));
-            }
-        }
-    }
-}
-
-fn check_moving(name: &str, subject: impl Subject) {
+/// Compares techniques with the reference in bodies that turn and grow under a lamp that moves.
+pub(super) fn check_moving(proof: Proof, techniques: &[(&str, impl Subject)]) {
     let mut moving = [Entity::PLACEHOLDER; 2];
     let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+    rig.shared = Some("moving translucent bodies".into());
     let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
-    let proof = Proof { margin: 0.03, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
-    proof.check("moving", &mut rig, &[(name, subject)]);
+    Proof { pose: Some(&pose), ..proof }.check("moving", &mut rig, techniques);
 }
 
 /// When the `Subsurface` of a body changes, samples of the last frame treat the body as a different object.
@@ -118,7 +103,7 @@ fn full_length_bodies_whose_values_change_equal_the_reference() {
         let mean_free_path = Vec3::new(0.3, 0.1, 0.02) / (1 + step % 5) as f32;
         rig.insert(moving[0], Subsurface { mean_free_path, weight: 1.0 - 0.1 * (step % 5) as f32 });
     };
-    let proof = Proof { margin: 0.03, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
+    let proof = Proof { pose: Some(&pose), ..MOVING };
     proof.check("changing", &mut rig, &[("both", with(subsurface::all_reuse()))]);
 }
 

@@ -1,22 +1,22 @@
-//! Translucent objects under an orbiting lamp: a head of skin with thin ears, a slab of marble that is lit from behind, and balls of
-//! measured materials. Space moves the lamp.
+//! Translucent objects under two orbiting lamps: a head of skin with thin ears, a slab of marble that is lit from behind, and balls of
+//! measured materials. Space stops the lamps and starts them again.
 //!
 //! `cargo run -p bevy_restir_apps --bin subsurface`
 
 use bevy::{math::ops, prelude::*};
 use bevy_restir::{EmissiveLuminance, prelude::*};
-use bevy_restir_apps::demo::Demo;
+use bevy_restir_apps::{demo::Demo, panel::keys::PressedKeys};
 use bevy_restir_support::{arguments, bodies, scene::spawn};
 use clap::Parser;
-use std::path::PathBuf;
+use std::{f32::consts::TAU, path::PathBuf};
 
-/// Translucent objects under an orbiting lamp.
+/// Translucent objects under two orbiting lamps.
 #[derive(Parser, Clone, Debug)]
 struct Args {
     /// The technique at the start.
     #[arg(long, default_value = "gi", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
-    /// Writes the mean of `--frames` frames to this PNG file, without a window.
+    /// Writes the mean of `--frames` frames to this PNG file, without a window. The lamps stay in their first places.
     #[arg(long, value_parser = arguments::png_file)]
     picture: Option<PathBuf>,
     /// Number of frames of the picture.
@@ -25,7 +25,7 @@ struct Args {
     /// Size of the window or the picture in pixels.
     #[arg(long, default_value = "640x360", value_parser = arguments::window_size)]
     size: UVec2,
-    /// Place of the lamp on its orbit, in turns; 0.5 is behind the head.
+    /// First place of the low lamp on its orbit, in turns; 0.5 is behind the head.
     #[arg(long, default_value_t = 0.6)]
     turn: f32,
 }
@@ -46,7 +46,7 @@ fn main() -> AppExit {
     if let Some(path) = &args.picture {
         return demo.picture(path, args.frames, |_, _| {});
     }
-    demo.window("subsurface scattering", "Space (held): move the lamp").add_systems(Update, orbit).run()
+    demo.window("subsurface scattering", "Space: pause").add_systems(Update, orbit).run()
 }
 
 fn settings(args: &Args) -> Restir {
@@ -62,9 +62,25 @@ fn eye() -> Transform {
     Transform::from_xyz(0.0, 0.13, 0.42).looking_at(Vec3::new(0.0, 0.075, 0.0), Vec3::Y)
 }
 
-/// A lamp that orbits the head, and its place on the orbit in turns.
+/// A lamp that orbits the head.
 #[derive(Component)]
-struct Lamp(f32);
+struct Lamp {
+    /// Center of the orbit, m.
+    center: Vec3,
+    /// Radius of the orbit, m.
+    radius: f32,
+    /// Place on the orbit, in turns; 0 is in front of the head.
+    turn: f32,
+    /// Turns per second.
+    speed: f32,
+}
+
+impl Lamp {
+    fn place(&self) -> Transform {
+        let (sin, cos) = ops::sin_cos(TAU * self.turn);
+        Transform::from_translation(self.center + self.radius * Vec3::new(sin, 0.0, cos))
+    }
+}
 
 fn populate(app: &mut App, turn: f32) {
     app.insert_resource(EmissiveLuminance(1000.0));
@@ -114,23 +130,30 @@ fn populate(app: &mut App, turn: f32) {
         let ball = spawn(world, Sphere::new(0.015).mesh().uv(64, 32), body(color, 0.3), place);
         world.entity_mut(ball).insert(material);
     }
-    let key = Transform::from_xyz(-0.25, 0.4, 0.3).looking_at(Vec3::ZERO, Vec3::Y);
-    spawn(world, Sphere::new(0.03), lamp(12.0), key);
-    let orbiting = spawn(world, Sphere::new(0.012), lamp(40.0), lamp_at(turn));
-    world.entity_mut(orbiting).insert(Lamp(turn));
+    // At first the high lamp is in front of the head, to the left in the picture.
+    let high = Lamp { center: Vec3::new(0.0, 0.4, 0.0), radius: 0.39, turn: 0.89, speed: -0.05 };
+    let low = Lamp { center: Vec3::new(0.0, 0.12, -0.02), radius: 0.13, turn, speed: 0.1 };
+    for (radius, strength, orbiting) in [(0.03, 12.0, high), (0.012, 40.0, low)] {
+        let ball = spawn(world, Sphere::new(radius), lamp(strength), orbiting.place());
+        world.entity_mut(ball).insert(orbiting);
+    }
 }
 
-/// The place of the orbiting lamp. `turn`: 0 is in front of the head.
-fn lamp_at(turn: f32) -> Transform {
-    let (sin, cos) = ops::sin_cos(core::f32::consts::TAU * turn);
-    Transform::from_xyz(0.13 * sin, 0.12, 0.13 * cos - 0.02)
-}
-
-fn orbit(time: Res<Time>, keys: Res<ButtonInput<KeyCode>>, mut lamps: Query<(&mut Transform, &mut Lamp)>) {
-    if keys.pressed(KeyCode::Space) {
-        for (mut transform, mut lamp) in &mut lamps {
-            lamp.0 += 0.1 * time.delta_secs();
-            *transform = lamp_at(lamp.0);
-        }
+/// Moves the lamps, unless Space has stopped them.
+fn orbit(
+    time: Res<Time>,
+    mut keys: PressedKeys,
+    mut paused: Local<bool>,
+    mut lamps: Query<(&mut Transform, &mut Lamp)>,
+) {
+    for (key, _) in keys.read() {
+        *paused ^= key == KeyCode::Space;
+    }
+    if *paused {
+        return;
+    }
+    for (mut transform, mut lamp) in &mut lamps {
+        lamp.turn = (lamp.turn + lamp.speed * time.delta_secs()).fract();
+        *transform = lamp.place();
     }
 }
