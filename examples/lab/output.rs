@@ -89,7 +89,9 @@ pub fn describe(table: &mut Table, adapter: String, size: UVec2, measured: Strin
 
 /// The command, the adapter if one was used, and the commit.
 pub fn provenance(adapter: Option<String>) -> Vec<String> {
-    let arguments: Vec<String> = std::env::args().skip(1).map(|argument| quoted(&argument)).collect();
+    // A sweep that starts over has the same figures.
+    let arguments = std::env::args().skip(1).filter(|argument| argument != "--fresh");
+    let arguments: Vec<String> = arguments.map(|argument| quoted(&argument)).collect();
     // A planted fault belongs to the command.
     let planted = mutant::edits().iter().flat_map(|edit| {
         [("FILE", edit.module), ("OLD", edit.from), ("NEW", edit.to)]

@@ -182,6 +182,7 @@ pub fn entries() -> Vec<Entry> {
     add("Light subsets, without rays (5.2)", &[Presample, Candidates], bare(subsets));
     let none = vec![("not presampled".into(), without_rays(with(|d| d.subset_count = 0)))];
     add("Light subsets, without rays (5.2)", &[Presample, Candidates], none);
+    add("Correlation by presampled lights (5.2)", &[Presample, Candidates, Lighting, Error], shared_subsets());
     let candidates = counts("", &[1, 8, 32], |d, n| d.candidates = n);
     add("Candidates", &[Candidates, Lighting, Error], candidates);
 
@@ -212,7 +213,8 @@ pub fn entries() -> Vec<Entry> {
     });
     add("Spatial samples (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));
     add("Neighbor attempts", &[Lighting, Error], attempts);
-    let caps = [1.0, 5.0, 10.0, 20.0, 30.0, 60.0].map(|cap| (cap.to_string(), with(|d| d.reuse.confidence_cap = cap)));
+    let caps = [1.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0];
+    let caps = caps.map(|cap| (cap.to_string(), with(|d| d.reuse.confidence_cap = cap)));
     add("Confidence cap", &[Lighting, Error], caps.into());
     add(
         "Bias correction (4.6)",
@@ -287,6 +289,21 @@ fn decoupled_shading() -> Vec<(String, Restir)> {
         })
     });
     rows.collect()
+}
+
+/// Pixels that draw from the same subset of lights have similar errors, which reuse between them does not average.
+fn shared_subsets() -> Vec<(String, Restir)> {
+    let shared = |subset_count, light_tile_size| {
+        let research = Research { light_tile_size, ..Research::default() };
+        Restir { research, ..with(|d| d.subset_count = subset_count) }
+    };
+    named(vec![
+        ("each pixel draws from all lights", shared(0, 8)),
+        ("128 subsets, chosen for each pixel", shared(128, 1)),
+        ("128 subsets, chosen for 8 x 8 pixels (the default)", shared(128, 8)),
+        ("128 subsets, chosen for 16 x 16 pixels", shared(128, 16)),
+        ("8 subsets, chosen for 8 x 8 pixels", shared(8, 8)),
+    ])
 }
 
 fn kinds_of_reuse() -> Vec<(String, Restir)> {

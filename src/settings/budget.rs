@@ -11,8 +11,10 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 /// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise, add no bias and keep the history.  If
 /// they are not enough, [`least_resolution_scale`](Self::least_resolution_scale) lets the traced resolution fall, too, which begins the history anew.
 ///
-/// The limit is kept on average over some frames, and only as far as samples and resolution can keep it: bounces and technique are never
-/// changed, nor are the light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
+/// Times arrive about three frames late, and four that are too long are needed to change the settings: where the cost jumps, frames take too
+/// long for about seven frames, and for ten more where samples save less than expected.  A cost that doubles in 200 frames exceeds the limit by
+/// less than a tenth.  The limit is kept only as far as samples and resolution can keep it: bounces and technique are never changed, nor are the
+/// light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
 /// [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
 ///
 /// Needs Bevy's `RenderDiagnosticsPlugin` and a device with timestamps (on macOS they lack a part of the passes).  Without them there is one warning,

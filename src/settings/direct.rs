@@ -146,7 +146,7 @@ impl Direct {
         let max_size = Self::MAX_PRESAMPLED / self.subset_count.max(1);
         ranges.count("subset_size", &mut self.subset_size, 1, max_size.min(16384));
         ranges.number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
-        self.reuse.clamp("direct.reuse.", 60.0, report);
+        self.reuse.clamp("direct.reuse.", 250.0, report);
         // Where no ray decides what is stored, weights without rays are right.
         let tests_candidates = matches!(self.visibility, VisibilityReuse::Candidates | VisibilityReuse::Decoupled);
         if self.bias_correction.uses_mis_rays() && tests_candidates {

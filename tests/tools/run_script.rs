@@ -71,6 +71,24 @@ fn tables_are_measured_by_the_commands_above_them() {
     let runs = out.lines().filter(|line| *line == "debug/examples/lab presets").count();
     assert_eq!(runs, 7, "the tables of docs/trade.md: {out}{errors}");
     assert!(!out.lines().any(|line| line == "debug/examples/lab frames"), "{out}");
+    // A folder may hold half a sweep of another program.
+    let commands: Vec<&str> = out.lines().filter(|line| line.starts_with('+') && line.contains(" presets ")).collect();
+    assert!(commands.len() == 7 && commands.iter().all(|command| command.ends_with(" --fresh")), "{commands:?}");
     assert_eq!(output.status.code(), Some(1), "{out}{errors}");
     assert!(errors.contains("FAILED: lab presets assets/scenes/ajar.glb"), "{errors}");
+}
+
+/// Marks without a table hold the command that measures it.
+#[test]
+fn every_table_between_marks_has_a_command_and_the_others_are_named() {
+    for command in ["bias", "motion"] {
+        let output = run(&format!("tables_{command}"), &["tables", &format!("{command} ")], "");
+        let (out, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(out.lines().any(|line| line == format!("debug/examples/lab {command}")), "{out}{errors}");
+        assert!(!out.contains("has no command"), "{out}");
+        let (_, by_hand) = out.split_once("No command writes these tables of figures:").expect("they are listed");
+        assert!(by_hand.contains("README.md:") && by_hand.contains("docs/experiments.md:"), "{by_hand}");
+        // The figures of presets are between marks.
+        assert!(!by_hand.contains("docs/trade.md"), "{by_hand}");
+    }
 }

@@ -15,6 +15,9 @@ use std::fs;
 #[allow(dead_code, reason = "the program uses more of it")]
 mod plan;
 
+#[path = "../../examples/lab/sweep/eligibility.rs"]
+mod eligibility;
+
 fn points(all: &[(f64, f64)]) -> Vec<Point> {
     all.iter().map(|&(time, error)| Point { time, error }).collect()
 }
@@ -86,6 +89,25 @@ fn a_pick_is_compared_with_the_best_of_all_points_within_its_budget() {
     assert_eq!(Budget::between(&[]), []);
 }
 
+/// Figures of `docs/trade.md`: bias, its standard error, bias of blocks and error.  Behind a door ajar, eight bounces miss a seventh of the light.
+#[test]
+fn settings_that_miss_much_light_are_not_recommended() {
+    for (name, [bias, standard_error, block_bias, error], share, is_left_out) in [
+        ("ajar, Gi Balanced", [-0.145, 0.027, 0.308, 0.165], 57, true),
+        ("ajar, Pt Performance", [-0.380, 0.008, 0.594, 0.362], 97, true),
+        ("ajar, Bdpt Quality", [-0.001, 0.009, 0.0, 0.0834], 0, false),
+        ("blinds, Pt Performance", [-0.102, 0.003, 0.200, 0.162], 25, false),
+        ("cornell, Pt Balanced", [-0.001, 0.002, 0.00922, 0.00924], 1, false),
+        ("a bias that may be noise", [-0.05, 0.02, 0.4, 0.2], 80, false),
+        ("an error without the worst pixels that is less than the bias", [-0.4, 0.01, 0.5, 0.1], 100, true),
+        ("no error", [0.0; 4], 0, false),
+    ] {
+        let found = eligibility::share_of_bias(block_bias, error);
+        assert_eq!((100.0 * found).round(), f64::from(share), "{name}");
+        assert_eq!(eligibility::is_mostly_bias([bias, standard_error], found), is_left_out, "{name}");
+    }
+}
+
 #[test]
 fn budgets_divide_a_range_and_are_round() {
     let shown = |all: [f64; 3]| all.map(|b| format!("{b:.4}"));
@@ -141,7 +163,14 @@ fn the_first_report_has_40_configurations_and_a_full_one_has_them_too() {
     assert_eq!(first.len(), 40);
     assert_eq!(names(Extent::Full, true), first);
     assert!(names(Extent::Full, false).len() > 100);
-    assert!(names(Extent::Presets, false).iter().all(|name| first.contains(name)));
+    let of_presets = names(Extent::Presets, false);
+    assert!(of_presets.iter().all(|name| first.contains(name)));
+    // The reference tracer with two numbers of bounces, four presets of four techniques, and these without reuse.
+    assert_eq!(of_presets.len(), 2 + 4 * 4 + 4);
+    for technique in ["DI", "GI", "PT", "BDPT"] {
+        let name = format!("ReSTIR {technique}, Balanced with a change: no reuse");
+        assert!(of_presets.contains(&name), "{of_presets:?}");
+    }
     assert!(plan::configurations(Extent::Settings).iter().any(|c| c.changes == ["resolution_scale=0.5"]));
 }
 
@@ -275,8 +304,8 @@ fn full_length_a_sweep_reports_every_preset_and_continues() {
             );
         }
     }
-    // Four captured frames of 18 configurations below the head.
-    assert_eq!(read("frames.csv").lines().filter(|line| !line.starts_with('#')).count(), 1 + 18 * 4);
+    // Four captured frames of 22 configurations below the head.
+    assert_eq!(read("frames.csv").lines().filter(|line| !line.starts_with('#')).count(), 1 + 22 * 4);
     assert!(read("passes.csv").contains("Presets,Pt Balanced,pt_indirect_candidates,"));
     for file in ["error-over-time.svg", "error-over-frames.svg", "cost-by-pass.svg"] {
         assert!(read(file).starts_with("<svg"), "{file}");
@@ -288,6 +317,7 @@ fn full_length_a_sweep_reports_every_preset_and_continues() {
         document.starts_with("a\n") && document.ends_with("\nb\n") && document.contains("Pt Balanced"),
         "{document}"
     );
+    assert!(document.contains("ReSTIR PT: no reuse"), "{document}");
 
     // The figures of an interrupted sweep stay, and the rest is measured.
     let run = |name: &str| folder.path("report/runs").join(name);
@@ -300,4 +330,9 @@ fn full_length_a_sweep_reports_every_preset_and_continues() {
     let other = folder.lab(&[&arguments[..], &["--set", "bounces=2"]].concat());
     other.failed(1, "another sweep in the folder");
     assert!(other.stderr.contains("another set"), "{}", other.stderr);
+    // A sweep that starts over drops the figures of the other one, and writes the command without the option.
+    folder.lab(&[&arguments[..], &["--set", "bounces=2", "--only", "Di Performance", "--fresh"]].concat()).succeeded();
+    assert!(run("presets-di-performance.json").is_file() && !run("presets-pt-balanced.json").is_file());
+    let document = fs::read_to_string(folder.path("trade.md")).expect("it was written");
+    assert!(document.contains("--only 'Di Performance'`") && !document.contains("--fresh"), "{document}");
 }

@@ -2,7 +2,11 @@
 
 use bevy_restir_support::front::{Budget, Point};
 
-use super::{Entry, Sweep, report};
+use super::{
+    Entry, Sweep,
+    eligibility::{is_mostly_bias, share_of_bias},
+    report,
+};
 use crate::table::digits;
 
 /// The setting to pick for some budgets.
@@ -10,7 +14,7 @@ pub struct Advice {
     /// The budgets, in words.
     pub budget: String,
     pub pick: String,
-    /// Time, error and bias of the pick.
+    /// Time, error and bias of the pick, and the part of the squared error that is bias.
     pub figures: String,
     pub code: String,
 }
@@ -25,6 +29,17 @@ pub struct Judged {
     pub ratio: f64,
 }
 
+impl Entry {
+    /// The part of the squared error that is bias.
+    fn share_of_bias(&self) -> f64 {
+        share_of_bias(self.record.block_bias, self.errors().rel_mse_trimmed)
+    }
+
+    fn is_mostly_bias(&self) -> bool {
+        is_mostly_bias([self.record.bias, self.record.bias_error], self.share_of_bias())
+    }
+}
+
 /// The configurations that can be recommended.
 fn eligible(sweep: &Sweep) -> Vec<&Entry> {
     let mut all: Vec<&Entry> = sweep.competitors().collect();
@@ -32,6 +47,11 @@ fn eligible(sweep: &Sweep) -> Vec<&Entry> {
     // Direct light alone is fast and incomplete, and would decide which times and errors are asked for.
     if all.iter().any(has_bounced_light) {
         all.retain(has_bounced_light);
+    }
+    // They are fast, because they leave light out, and stay wrong however many frames are averaged.
+    let is_right = |m: &&Entry| !m.is_mostly_bias();
+    if all.iter().any(is_right) {
+        all.retain(is_right);
     }
     all
 }
@@ -56,6 +76,7 @@ pub fn advice(sweep: &Sweep) -> Vec<Advice> {
     for budget in Budget::between(&points) {
         let Some(i) = budget.pick(&points) else { continue };
         let Entry { configuration, record } = all[i];
+        let share = 100.0 * all[i].share_of_bias();
         let (budget, pick) = (words(budget), report::name(configuration));
         match merged.iter_mut().find(|known| known.pick == pick) {
             Some(known) if known.budget.ends_with(&budget) => {}
@@ -64,7 +85,7 @@ pub fn advice(sweep: &Sweep) -> Vec<Advice> {
                 budget,
                 pick,
                 figures: format!(
-                    "{} ms, {}, bias {}",
+                    "{} ms, {}, bias {}, which is {share:.0} % of the squared error",
                     digits(points[i].time),
                     digits(points[i].error),
                     report::bias(record)

@@ -2,6 +2,7 @@
 
 mod advice;
 mod content;
+mod eligibility;
 mod measure;
 mod page;
 mod plan;
@@ -48,7 +49,7 @@ pub struct SweepArgs {
     full: bool,
 }
 
-/// Time, error and bias of the presets alone, on one scene.
+/// Time, error and bias of the presets on one scene, beside the reference tracer and the techniques without reuse.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// A glTF file; `references.json` beside it may name its environment.

@@ -46,7 +46,11 @@ pub fn write(sweep: &Sweep, folder: &Path) -> Result<(), String> {
     for line in &sweep.header {
         let _ = write!(page, "<li>{}</li>", escaped(line));
     }
-    let _ = write!(page, "</ul>\n<h2>What to pick</h2>\n<p>Error: {}.</p>\n", sweep.by.name());
+    let _ = write!(
+        page,
+        "</ul>\n<h2>What to pick</h2>\n<p>Error: {}. Settings whose squared error is mostly bias are left out.</p>\n",
+        sweep.by.name()
+    );
     for advice in advice(sweep) {
         let _ = writeln!(
             page,

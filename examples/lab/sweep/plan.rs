@@ -45,7 +45,7 @@ pub fn reference(preset: Preset) -> Configuration {
     }
 }
 
-/// All configurations, the reference tracer first.
+/// All configurations, the reference tracer first.  With the presets come the techniques without reuse, which presets must beat.
 pub fn configurations(extent: Extent) -> Vec<Configuration> {
     let mut all = vec![reference(Preset::Balanced), reference(Preset::Unbiased)];
     for technique in Technique::ALL.into_iter().filter(|t| *t != Technique::Reference) {
@@ -59,13 +59,14 @@ pub fn configurations(extent: Extent) -> Vec<Configuration> {
             is_first: true,
         }));
     }
-    if extent == Extent::Presets {
-        return all;
-    }
     let is_full = extent == Extent::Full;
     let mut add = |section, technique, is_first, rows: &[Row]| {
-        let rows = if is_first || is_full { rows } else { &[] };
-        all.extend(rows.iter().map(|(label, changes)| Configuration {
+        let is_measured = |row: &&Row| match extent {
+            Extent::Presets => row.0 == NO_REUSE.0,
+            Extent::Settings => is_first,
+            Extent::Full => true,
+        };
+        all.extend(rows.iter().filter(is_measured).map(|(label, changes)| Configuration {
             section,
             label: (*label).into(),
             technique,
@@ -93,6 +94,13 @@ pub fn configurations(extent: Extent) -> Vec<Configuration> {
 /// A label and changes.
 type Row<'a> = (&'a str, &'a str);
 
+/// Candidates alone.
+const NO_REUSE: Row = (
+    "no reuse",
+    "direct.reuse.temporal=false direct.reuse.spatial_samples=0 paths.reuse.temporal=false paths.reuse.spatial_samples=0 \
+     subsurface.reuse.temporal=false subsurface.reuse.spatial_samples=0",
+);
+
 /// Neighbors, confidence and radius together.
 fn grid() -> impl Iterator<Item = (String, String)> {
     [1, 2, 4, 5].into_iter().flat_map(|neighbors| {
@@ -114,7 +122,7 @@ fn grid() -> impl Iterator<Item = (String, String)> {
 // The settings with the greatest effect on time or error.  `--full` measures the others, too.
 
 const PATHS: [Row; 16] = [
-    ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
+    NO_REUSE,
     ("temporal reuse only", "paths.reuse.spatial_samples=0"),
     ("spatial reuse only", "paths.reuse.temporal=false"),
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
@@ -149,10 +157,7 @@ const MORE_PATHS: [Row; 14] = [
     ("a quarter of the width and height", "resolution_scale=0.25"),
 ];
 
-const LIGHT_PATHS: [Row; 2] = [
-    ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
-    ("no connections", "bdpt.techniques=Lightweight"),
-];
+const LIGHT_PATHS: [Row; 2] = [NO_REUSE, ("no connections", "bdpt.techniques=Lightweight")];
 
 const MORE_LIGHT_PATHS: [Row; 4] = [
     ("copied MIS weights", "bdpt.mis=Copied"),
@@ -161,15 +166,16 @@ const MORE_LIGHT_PATHS: [Row; 4] = [
     ("half the width and height", "resolution_scale=0.5"),
 ];
 
-const INDIRECT: [Row; 1] = [("1 neighbor", "paths.reuse.spatial_samples=1")];
+const INDIRECT: [Row; 1] = [NO_REUSE];
 
-const MORE_INDIRECT: [Row; 2] = [
+const MORE_INDIRECT: [Row; 3] = [
+    ("1 neighbor", "paths.reuse.spatial_samples=1"),
     ("diffuse secondary vertex", "paths.assume_diffuse_secondary=true"),
     ("half the width and height", "resolution_scale=0.5"),
 ];
 
 const DIRECT: [Row; 3] = [
-    ("no reuse", "direct.reuse.temporal=false direct.reuse.spatial_samples=0 direct.reuse.disocclusion_samples=0"),
+    NO_REUSE,
     ("8 candidates", "direct.candidates=8"),
     (
         "1 neighbor of the last frame within 30 pixels, confidence 20",
@@ -208,6 +214,11 @@ impl Configuration {
     /// Whether this configuration changes a field that the `shared` changes also set.
     pub fn overrides(&self, shared: &[String]) -> bool {
         self.changes.iter().any(|own| shared.iter().any(|other| fields::path_of(own) == fields::path_of(other)))
+    }
+
+    /// Whether it belongs to the table of the presets: a preset, or what presets are compared with.
+    pub fn is_of_presets(&self) -> bool {
+        [PRESETS, REFERENCE].contains(&self.section) || self.label == NO_REUSE.0
     }
 
     /// Whether its picture has bounced light.

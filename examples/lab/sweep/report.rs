@@ -54,7 +54,7 @@ pub fn figures(sweep: &Sweep, presets_only: bool) -> Cells {
     let on_front: Vec<usize> = front(&of_competitors).into_iter().map(|i| competitors[i]).collect();
     let row = |(i, m): (usize, &Entry)| {
         let Entry { configuration, record } = m;
-        let is_wanted = !presets_only || [plan::PRESETS, plan::REFERENCE].contains(&configuration.section);
+        let is_wanted = !presets_only || configuration.is_of_presets();
         is_wanted.then(|| {
             let errors = m.errors();
             let error = sweep.by.of(&errors);
@@ -127,7 +127,8 @@ fn markdown_table((head, rows): &Cells) -> String {
 
 fn advice_text(sweep: &Sweep) -> String {
     let mut text = format!(
-        "Time, error ({}) and bias of the recommended settings. Those without bounced light count only where there are no others.\n\n",
+        "Time, error ({}) and bias of the recommended settings. Settings without bounced light count only where there are no others, and so do \
+         those whose squared error is mostly bias.\n\n",
         sweep.by.name()
     );
     let rows = advice(sweep).into_iter().map(|a| vec![a.budget, a.pick, a.figures]).collect();
