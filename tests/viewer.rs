@@ -1,5 +1,7 @@
 //! The parts of the viewer: widgets for every setting, files, the viewer's own sky, animations and the camera.
 
+mod broken_files;
+
 use crate::support::{app::*, cli::Folder, gltf::Scene};
 use bevy::{
     anti_alias::taa::TemporalAntiAliasing,

@@ -222,14 +222,17 @@ fn textures_that_the_device_had_no_memory_for_come_later() {
     rig.assert_sound();
 }
 
-/// Whether this process runs a test alone; otherwise it runs that test in another process.  A lost device may leave the driver's registry,
-/// which all tests of a process share, in a state that no further test can use.
-fn is_alone(test: &str) -> bool {
+/// The path of this module.
+const HERE: &str = "bevy::lost_devices";
+
+/// Whether this process runs a test of a module alone; otherwise it runs that test in another process.  A lost device may leave the driver's
+/// registry, which all tests of a process share, in a state that no further test can use.
+pub(super) fn is_alone(module: &str, test: &str) -> bool {
     if std::env::var("ALONE").is_ok_and(|alone| alone == test) {
         return true;
     }
     let program = std::env::current_exe().expect("this program has a path");
-    let name = format!("bevy::lost_devices::{test}");
+    let name = format!("{module}::{test}");
     let output =
         Command::new(program).args([&name, "--exact", "--nocapture", "--include-ignored"]).env("ALONE", test).output();
     let output = output.expect("this program can be run");
@@ -260,7 +263,7 @@ fn replace_device(rig: &mut Rig) {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_lost_device_that_bevy_replaces_shows_the_same_picture() {
-    if !is_alone("a_lost_device_that_bevy_replaces_shows_the_same_picture") {
+    if !is_alone(HERE, "a_lost_device_that_bevy_replaces_shows_the_same_picture") {
         return;
     }
     log::listen();
@@ -282,7 +285,7 @@ fn a_lost_device_that_bevy_replaces_shows_the_same_picture() {
 
 #[test]
 fn a_new_device_below_the_limits_turns_the_plugin_off() {
-    if !is_alone("a_new_device_below_the_limits_turns_the_plugin_off") {
+    if !is_alone(HERE, "a_new_device_below_the_limits_turns_the_plugin_off") {
         return;
     }
     log::listen();
@@ -310,7 +313,7 @@ fn a_new_device_below_the_limits_turns_the_plugin_off() {
 
 #[test]
 fn without_another_device_bevy_stops_rendering_and_nothing_panics() {
-    if !is_alone("without_another_device_bevy_stops_rendering_and_nothing_panics") {
+    if !is_alone(HERE, "without_another_device_bevy_stops_rendering_and_nothing_panics") {
         return;
     }
     let Some(mut rig) = lit_wall() else { return };

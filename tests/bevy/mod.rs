@@ -12,3 +12,4 @@ mod parity;
 mod pipelined;
 mod switches;
 mod webgpu_limits;
+mod windows;

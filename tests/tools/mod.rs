@@ -3,6 +3,7 @@
 mod features;
 mod lab_cli;
 mod lab_tables;
+mod ray_queries;
 mod render_aovs;
 mod render_cli;
 mod render_moments;

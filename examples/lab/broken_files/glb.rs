@@ -133,8 +133,8 @@ pub fn rich() -> Glb {
     Glb { json, bytes: data.bytes }
 }
 
-/// An image of 2 x 2 texels.
-fn png() -> Vec<u8> {
+/// A PNG image of 2 x 2 texels.
+pub fn png() -> Vec<u8> {
     let mut file = std::io::Cursor::new(Vec::new());
     let image = image::RgbaImage::from_fn(2, 2, |x, y| image::Rgba([200, 100 * x as u8, 100 * y as u8, 255]));
     // Writing to memory cannot fail.

@@ -3,7 +3,7 @@
 use bevy_restir_support::scenes::Random;
 use serde_json::{Value, json};
 
-use super::glb::Glb;
+use super::{glb::Glb, images};
 
 /// Stands for a number that JSON has no name for, until the text is written.
 const RAW: &str = "\u{1}raw ";
@@ -46,10 +46,11 @@ pub fn mutant(sound: &Glb, random: &mut Random) -> (String, Vec<u8>) {
     let mut glb = sound.clone();
     let mut changes = Vec::new();
     for _ in 0..1 + random.below(3) / 2 {
-        let kind = random.below(10);
+        let kind = random.below(11);
         changes.push(match kind {
             0 => floats(&mut glb, random),
             1..=3 => anywhere(&mut glb.json, random),
+            4 => images::replace(&mut glb, random),
             _ => structure(&mut glb.json, random),
         });
     }

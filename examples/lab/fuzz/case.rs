@@ -48,6 +48,8 @@ pub struct Case {
     pub settings: Restir,
     /// Edits, and the frames (1 to [`LAST_FRAME`]) before which they are made.
     pub edits: Vec<(u32, Edit)>,
+    /// No number is at an edge of what an app may write.
+    pub is_ordinary: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -76,7 +78,7 @@ impl Case {
         let edits = (0..source.random.below(5))
             .map(|_| (1 + source.random.below(LAST_FRAME as usize) as u32, source.edit(things.len(), &settings)))
             .collect();
-        Self { size, things, camera, environment, settings, edits }
+        Self { size, things, camera, environment, settings, edits, is_ordinary: source.edges == 0.0 }
     }
 
     /// Smaller cases: each lacks one thing or one edit of this case, or has a simpler one in its place.

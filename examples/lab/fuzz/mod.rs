@@ -1,6 +1,8 @@
 //! Random scenes, settings and edits, in search of panics, errors of the renderer, hangs and illegal numbers.
 
+mod apps;
 mod case;
+mod memory;
 mod stage;
 
 use bevy::math::UVec2;
@@ -14,15 +16,16 @@ use bevy_restir_support::{
 use std::{ops::RangeInclusive, path::PathBuf};
 
 use crate::soundness::{FAULT, Watchdog, kind};
+use apps::Apps;
 use case::{Case, Edit};
-use stage::Stage;
 
 /// Greatest number of attempts to make a failing case smaller.
 const SHRINKING: u32 = 200;
 
 /// Renders random scenes with random settings and edits.  A case fails by a panic, an error of the renderer, a hang, a pixel that is not
-/// finite, a raised guard, or an entry of a table that is left when the case has ended.  Each failing case is made smaller, as long as it
-/// fails in the same way, and written to the folder with the command that repeats it.
+/// finite, a raised guard, memory that the plugin has and does not state (where the device tells its allocations), or an entry of a table
+/// that is left when the case has ended.  Each failing case is made smaller, as long as it fails in the same way, and written to the folder
+/// with the command that repeats it.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Number of cases.
@@ -41,6 +44,10 @@ pub struct Args {
     /// case's own settings, of which those that bias are unbiased. A case fails if two means differ by more than chance explains.
     #[arg(long)]
     against_reference: bool,
+    /// Renders each case by software rays and by ray queries. A case fails if the pictures differ by more than rounding and chance explain;
+    /// those with numbers at the edges of what an app may write are not compared. The device must have ray queries.
+    #[arg(long, conflicts_with = "backend")]
+    both_backends: bool,
     /// The technique of all cases.  Default: each case draws its own, and each technique has many shaders to compile.
     #[arg(long, value_parser = arguments::choice::<Technique>())]
     technique: Option<Technique>,
@@ -110,7 +117,11 @@ impl Args {
     /// The command that repeats cases.
     fn command(&self, seed: u64, count: u64, shrink: &Steps) -> String {
         let mut text = format!("lab fuzz --count {count} --seed {seed} --size {}x{}", self.size.x, self.size.y);
-        for (name, is_given) in [("specialized", self.specialized), ("against-reference", self.against_reference)] {
+        for (name, is_given) in [
+            ("specialized", self.specialized),
+            ("against-reference", self.against_reference),
+            ("both-backends", self.both_backends),
+        ] {
             if is_given {
                 text += &format!(" --{name}");
             }
@@ -128,33 +139,29 @@ impl Args {
     }
 }
 
-/// Runs cases in one app until one of them breaks it.
+/// Runs cases in the same apps until one of them breaks an app.
 struct Runner<'a> {
     args: &'a Args,
-    stage: Option<Stage>,
+    apps: Option<Apps>,
     watchdog: Watchdog,
 }
 
 impl Runner<'_> {
     /// Runs a case and returns the reason why it fails, or `None` if it passes; an error if no app can be created.
     fn failure(&mut self, case: &Case) -> Result<Option<String>, String> {
-        let Args { size, specialized, backend, .. } = *self.args;
-        let mut stage = match self.stage.take() {
-            Some(stage) => stage,
-            None => Stage::new(size, !specialized, backend)?,
+        let Args { specialized, against_reference, .. } = *self.args;
+        let mut apps = match self.apps.take() {
+            Some(apps) => apps,
+            None => Apps::new(self.args)?,
         };
         let run = || {
-            let mut result = stage.run(case);
-            if self.args.against_reference && result.is_ok() {
-                result = stage.compare(case);
-            }
-            let result = result.and_then(|()| stage.clear());
-            (stage, result)
+            let result = apps.run(case, against_reference);
+            (apps, result)
         };
         Ok(match panics::caught(run) {
-            Ok((stage, result)) => {
+            Ok((apps, result)) => {
                 // An app whose renderer failed cannot go on.
-                self.stage = (!self.args.specialized && !stage.has_failed()).then_some(stage);
+                self.apps = (!specialized && !apps.have_failed()).then_some(apps);
                 result.err()
             }
             Err(panic) => Some(panic),
@@ -168,7 +175,7 @@ impl Runner<'_> {
         let args = self.args;
         if first != seed {
             // State that earlier cases have left in the app may be the cause.
-            self.stage = None;
+            self.apps = None;
             let Some(alone) = self.failure(&case)? else {
                 let command = args.command(first, seed - first + 1, &Steps::default());
                 println!("{FAULT}case {seed}: {reason}; it fails only after others and is repeated by: {command}");
@@ -213,14 +220,14 @@ struct Smallest {
 
 pub fn run(args: &Args) -> Result<(), String> {
     create_folder(&args.out)?;
-    let mut runner = Runner { args, stage: None, watchdog: Watchdog::new() };
+    let mut runner = Runner { args, apps: None, watchdog: Watchdog::new() };
     let progress = Progress::new(args.count.into());
     let mut failed = 0;
     // The first case of the present app.
     let mut first = args.seed;
     for seed in (args.seed..).take(args.count as usize) {
         runner.watchdog.watch(format!("case {seed}"));
-        if runner.stage.is_none() {
+        if runner.apps.is_none() {
             first = seed;
         }
         let case = args.case(seed).ok_or(format!("case {seed} has no smaller form {}", args.shrink))?;

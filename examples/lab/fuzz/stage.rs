@@ -1,10 +1,10 @@
 //! An app that renders cases, one after the other.
 
-use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
+use bevy::{mesh::morph::MeshMorphWeights, prelude::*, render::renderer::RenderDevice};
 use bevy_restir::{
     BiasCorrection, Denoiser, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, ShiftedMis,
     SuffixRetrace, Technique, VisibilityReuse,
-    testing::{check_mirror, lengths::table_lengths},
+    testing::{accel::ray_query, check_mirror, lengths::table_lengths},
 };
 use bevy_restir_support::{
     exposure::unit_exposure,
@@ -15,7 +15,10 @@ use bevy_restir_support::{
 };
 use std::path::Path;
 
-use super::case::{Case, Edit, LAST_FRAME};
+use super::{
+    case::{Case, Edit, LAST_FRAME},
+    memory,
+};
 use crate::{
     significance, soundness,
     things::{despawn, insert_pictures, remove_pictures, spawn, spawn_everything},
@@ -24,7 +27,7 @@ use crate::{
 /// Frames in which a scene must be loaded, built and compiled.
 const PATIENCE: u32 = 200;
 /// Restarts of each of the two techniques that are compared.
-const RESTARTS: u32 = 16;
+pub const RESTARTS: u32 = 16;
 /// Bounces of techniques that are compared: more only make paths longer.
 const MOST_BOUNCES: u32 = 3;
 /// Frames until the counters of a frame have arrived from the GPU.
@@ -66,13 +69,16 @@ pub struct Stage {
     spawned: Vec<Entity>,
     /// The scene always has each feature.
     everything: bool,
+    /// Histories restart when the scene of a case is ready, so that another app draws the same random numbers however long it waits.
+    restarts: bool,
     /// Lengths of the plugin's tables without a case, where the scene has each feature.
     empty: Option<Vec<(&'static str, usize)>>,
 }
 
 impl Stage {
-    /// `everything`: the scene always has an object or a light with each feature, so that shaders are compiled once.
-    pub fn new(size: UVec2, everything: bool, backend: RayBackend) -> Result<Self, String> {
+    /// `everything`: the scene always has an object or a light with each feature, so that shaders are compiled once.  `restarts`: histories
+    /// restart when a scene is ready.
+    pub fn new(size: UVec2, everything: bool, backend: RayBackend, restarts: bool) -> Result<Self, String> {
         let mut app = headless::app(Path::new("."), backend)?;
         check_mirror(&mut app, true);
         let setup = CameraSetup { size, exposure: unit_exposure(), environment: None, settings: Restir::default() };
@@ -81,10 +87,22 @@ impl Stage {
         if everything {
             spawn_everything(app.world_mut());
         }
-        Ok(Self { app, spawned: Vec::new(), everything, empty: None })
+        Ok(Self { app, spawned: Vec::new(), everything, restarts, empty: None })
     }
 
-    pub fn run(&mut self, case: &Case) -> Result<(), String> {
+    /// The first requirement of ray queries that the device does not meet.
+    pub fn missing_for_ray_queries(&self) -> Option<&'static str> {
+        ray_query::missing(self.app.world().resource::<RenderDevice>())
+    }
+
+    /// The present settings of the camera.
+    pub fn settings(&self) -> Result<Restir, String> {
+        let world = self.app.world();
+        world.get::<Restir>(world.resource::<View>().camera).cloned().ok_or("the camera is gone".into())
+    }
+
+    /// Renders a case and returns the mean radiance of the pixels of its last frame.
+    pub fn run(&mut self, case: &Case) -> Result<Vec<[f32; 3]>, String> {
         self.set_up(case);
         if self.everything && self.empty.is_none() {
             self.until_ready()?;
@@ -92,6 +110,9 @@ impl Stage {
         }
         self.spawned = case.things.iter().map(|thing| spawn(self.app.world_mut(), thing)).collect();
         self.until_ready()?;
+        if self.restarts {
+            self.restart()?;
+        }
         for number in 1..=LAST_FRAME {
             for (_, edit) in case.edits.iter().filter(|(frame, _)| *frame == number) {
                 self.edit(edit);
@@ -100,11 +121,19 @@ impl Stage {
         }
         self.app.world().resource::<View>().capture.request();
         self.frame()?;
-        let picture = captured(&self.app)?;
-        if let Some(pixel) = picture.mean().flatten().find(|c| !c.is_finite() || *c < 0.0) {
+        let picture: Vec<[f32; 3]> = captured(&self.app)?.mean().collect();
+        if let Some(pixel) = picture.iter().flatten().find(|c| !c.is_finite() || **c < 0.0) {
             return Err(format!("a pixel is {pixel}"));
         }
-        self.counters()
+        self.counters()?;
+        Ok(picture)
+    }
+
+    /// Restarts the history of the camera in the next frame.
+    fn restart(&mut self) -> Result<(), String> {
+        let camera = self.app.world().resource::<View>().camera;
+        self.app.world_mut().get_mut::<Restir>(camera).ok_or("the camera is gone")?.reset = true;
+        Ok(())
     }
 
     /// Removes everything of the case, and fails if the plugin keeps something of it.
@@ -136,15 +165,15 @@ impl Stage {
         Some(format!("the case leaves something in a table ({name}): {before} entries have become {now}"))
     }
 
-    /// Waits for the counters of the last frame, and fails where they count a fault.
-    fn counters(&mut self) -> Result<(), String> {
+    /// Waits for the counters of the last frame, and fails where they count a fault, or where the plugin has other memory than it states.
+    pub fn counters(&mut self) -> Result<(), String> {
         for _ in 0..LATE {
             self.frame()?;
         }
-        match soundness::fault(&self.app.world().resource::<RestirStatistics>().report()) {
-            Some(fault) => Err(fault),
-            None => Ok(()),
-        }
+        let world = self.app.world();
+        let report = world.resource::<RestirStatistics>().report();
+        let fault = soundness::fault(&report);
+        fault.or_else(|| memory::difference(world.resource::<RenderDevice>(), &report)).map_or(Ok(()), Err)
     }
 
     /// Compares the scene that the case has left with the reference tracer, by the settings of a preset and by those of the case.
@@ -157,9 +186,9 @@ impl Stage {
 
     fn compare_settings(&mut self, settings: Restir, name: &str) -> Result<(), String> {
         let technique = settings.technique;
-        let ours = self.means(&settings)?;
+        let ours = self.means(&settings, 0)?;
         self.counters()?;
-        let reference = self.means(&Restir { technique: Technique::Reference, ..settings })?;
+        let reference = self.means(&Restir { technique: Technique::Reference, ..settings }, 0)?;
         self.counters()?;
         let is_finite = |means: &[f64]| means.iter().all(|mean| mean.is_finite());
         if is_finite(&reference) && !is_finite(&ours) {
@@ -176,16 +205,16 @@ impl Stage {
         }
     }
 
-    /// Mean radiance of some frames after each of some restarts.
-    fn means(&mut self, settings: &Restir) -> Result<Vec<f64>, String> {
+    /// Mean radiance of some frames after each of some restarts, whose seeds begin with `first`.
+    pub fn means(&mut self, settings: &Restir, first: u32) -> Result<Vec<f64>, String> {
         let camera = self.app.world().resource::<View>().camera;
         let mut means = Vec::new();
-        for seed in 0..RESTARTS {
+        for seed in first..first + RESTARTS {
             let settings = Restir { seed, accumulate: true, reset: true, ..settings.clone() };
             self.app.world_mut().entity_mut(camera).insert(settings);
-            if seed == 0 {
+            if seed == first {
                 self.until_ready()?;
-                self.app.world_mut().get_mut::<Restir>(camera).ok_or("the camera is gone")?.reset = true;
+                self.restart()?;
             }
             for _ in 1..LAST_FRAME {
                 self.frame()?;
