@@ -127,6 +127,23 @@ fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
     proof.check("sky", &mut rig, &all);
 }
 
+/// The sky shines only before the last step, or only in it.
+fn pose_arrival(rig: &mut Rig, step: u32) {
+    pose_presence(rig, step >= STEPS);
+}
+
+fn pose_departure(rig: &mut Rig, step: u32) {
+    pose_presence(rig, step < STEPS);
+}
+
+fn pose_presence(rig: &mut Rig, shines: bool) {
+    let mut camera = rig.app.world_mut().entity_mut(rig.camera);
+    match shines {
+        true => camera.insert(sky(0.6)),
+        false => camera.remove::<RestirEnvironment>(),
+    };
+}
+
 /// The images of the sky before the last step and in it.
 #[derive(Component)]
 struct Skies([Handle<Image>; 2]);
@@ -160,6 +177,29 @@ fn light_of_another_sky_equals_the_reference_at_once() {
     let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
     let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
     proof.check("two skies", &mut rig, &all);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_of_skies_that_come_go_and_change_equals_the_reference() {
+    type Scene = (&'static str, fn(&mut Rig), fn(&mut Rig, u32));
+    let scenes: [Scene; 3] = [
+        ("two skies", below_two_skies, pose_skies),
+        ("a sky appears", |rig| surrounded(rig, false), pose_arrival),
+        ("a sky disappears", |rig| surrounded(rig, false), pose_departure),
+    ];
+    for (name, make, pose) in scenes {
+        let Some(mut rig) = scene(64, make) else { return };
+        for step in [STEPS, 0] {
+            pose(&mut rig, step);
+            rig.until_ready();
+        }
+        let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose), ..Proof::of((60, 1), (14, 32)) };
+        let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
+        let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
+        proof.check(name, &mut rig, &all);
+        Proof { bounces: 1, ..proof }.check(name, &mut rig, &[("direct, both", di::all_reuse())]);
+    }
 }
 
 /// Light sub-paths of the last frame are replayed among lights and objects that appear, disappear and change, and below a sky that turns.
