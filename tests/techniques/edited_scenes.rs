@@ -16,9 +16,21 @@ use bevy_restir::{
 
 const CONFIDENCE_CAP: f32 = 20.0;
 
-/// A room in which diffuse and emissive objects appear and disappear, and in which materials and a mesh are edited: [`pose_edited`].
+/// The images of the poster and of the sign.
+#[derive(Component)]
+struct Pictures([Handle<Image>; 2]);
+
+/// An image that is bright on one side.
+fn half_bright(is_left: bool) -> Image {
+    texture(8, 4, |x, _| if (x < 4) == is_left { [255, 240, 220, 255] } else { [30, 50, 60, 255] })
+}
+
+/// A room in which diffuse and emissive objects appear and disappear, and in which materials, images and a mesh are edited: [`pose_edited`].
 fn edited(rig: &mut Rig) {
     room(rig);
+    let pictures = [true, false].map(|is_left| rig.add::<Image>(half_bright(is_left)));
+    rig.insert(rig.camera, Pictures(pictures.clone()));
+    let [poster, sign] = pictures.map(Some);
     let mut named = |name: &'static str, mesh: Mesh, material: StandardMaterial, place: Transform| {
         let entity = rig.spawn(mesh, material, place);
         rig.insert(entity, Name::new(name));
@@ -40,15 +52,31 @@ fn edited(rig: &mut Rig) {
         lamp(4.0, 4.0, 4.0),
         facing(Vec3::new(0.0, 1.2, 0.9), Vec3::new(0.0, -1.0, -0.2)),
     );
+    named(
+        "poster",
+        square(1.2),
+        StandardMaterial { base_color_texture: poster, ..lambert(0.9) },
+        facing(Vec3::new(1.5, -0.5, 0.2), Vec3::new(0.0, -0.5, 0.2)),
+    );
+    named(
+        "sign",
+        square(0.6),
+        StandardMaterial { emissive_texture: sign, ..lamp(5.0, 5.0, 5.0) },
+        facing(Vec3::new(-1.2, 0.9, -0.5), Vec3::new(0.0, -0.6, 0.2)),
+    );
     named("painted", square(2.0), lambert(0.2), Transform::from_xyz(0.8, 0.2, -1.1));
     named("swapped", Cuboid::new(0.5, 0.5, 0.5).into(), lambert(0.7), Transform::from_xyz(-1.1, -0.2, 0.4));
     let shape = rig.add::<Mesh>(Sphere::new(0.35));
     rig.spawn_bundle((Name::new("other shape"), Mesh3d(shape)));
 }
 
-/// Edits the room for a step, 0 to [`STEPS`].
+/// Edits the room for a step, 0 to [`STEPS`].  The images have other pixels in the last step, and equal ones in the steps before.
 fn pose_edited(rig: &mut Rig, step: u32) {
     let is_last = step >= STEPS;
+    let pictures = rig.get_mut::<Pictures>(rig.camera).0.clone();
+    for (picture, is_left) in pictures.iter().zip([true, false]) {
+        rig.edit(picture, |image| *image = half_bright(is_left != is_last));
+    }
     for (name, there) in
         [("arriving", is_last), ("arriving lamp", is_last), ("leaving", !is_last), ("leaving lamp", !is_last)]
     {
