@@ -5,7 +5,7 @@ use bevy_restir::{Jitter, Preset, Restir, Technique};
 use bevy_restir_support::progress::Progress;
 
 use crate::{
-    bench::{Bench, Counts, Scene, lit, reference_bounces, scenes},
+    bench::{Bench, Counts, Scene, lit, pixels, reference_bounces, scenes},
     compare,
     difference::Difference,
     error::{Picture, Reference, mean},
@@ -15,7 +15,7 @@ use crate::{
     variant,
 };
 
-/// Errors of single frames of an unchanged preset, and the time of a frame.  Beside each scene must be its reference NAME.exr, and
+/// Errors of single frames of an unchanged preset, and the time and the memory of a frame.  Beside each scene must be its reference NAME.exr, and
 /// `references.json` with its number of bounces.
 #[derive(clap::Args, Debug)]
 pub struct Args {
@@ -86,6 +86,7 @@ impl Args {
             let figures: Vec<Difference> =
                 pictures.into_iter().map(|picture| Difference::new(picture, &reference, size, TILE)).collect();
             let (cost, _) = bench.measure(settings, None, &progress)?;
+            let memory = of_camera(&bench.report().memory) as f64 / pixels(size);
             let average = |of: fn(&Difference) -> f64| figures.iter().map(of).sum::<f64>() / figures.len() as f64;
             let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
             rows.extend([
@@ -97,6 +98,7 @@ impl Args {
                 row("energy", &[("", Unit::Relative, energy[0])]),
                 row("standard error of energy", &[("", Unit::Relative, energy[1])]),
                 row("lighting", &[("", Unit::Ms, cost.lighting())]),
+                row("memory", &[("", Unit::BytesAPixel, memory)]),
             ]);
         }
         Ok(Measured { adapter: bench.adapter(), size, rows })
@@ -109,6 +111,13 @@ impl Args {
         let plain = Restir { bounces, energy_compensation: false, ..self.subject.settings() };
         with_variants(self.subject.preset, plain, &self.variant)
     }
+}
+
+/// Bytes of the camera's buffers and textures, which follow those of the scene in a report, without the subsets of lights: their size does not
+/// depend on the picture.
+fn of_camera(memory: &[(&'static str, u64)]) -> u64 {
+    let own = memory.iter().skip_while(|(name, _)| *name != "view uniforms");
+    own.filter(|(name, _)| *name != "light subsets").map(|(_, bytes)| bytes).sum()
 }
 
 /// The relative difference of the mean light of frames from a converged picture, and its standard error.

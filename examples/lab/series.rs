@@ -347,7 +347,8 @@ fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
 }
 
 /// Those steps of Table 1 of Lin et al. 2026, supplement, that are settings.  Each row adds a step to the one above; the first is ReSTIR PT
-/// of 2022 beside separate direct light, and the last two differ from the default.  Compaction needs pairs here and follows them.
+/// of 2022 beside separate direct light without pairs (Wyman and Panteleev 2021, but unbiased), and the last two differ from the default.
+/// Compaction needs pairs here and follows them.
 pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     let mut settings = default.clone();
     let paths = &mut settings.paths;
@@ -360,6 +361,8 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
         temporal_attempts: 1,
         ..published(Reuse::PATHS, 3, 60.0)
     };
+    let direct = &mut settings.direct;
+    direct.reuse = Reuse { dual_motion: false, temporal_attempts: 1, ..published(SPATIOTEMPORAL, 1, 30.0) };
     (settings.research.russian_roulette, settings.research.replay_compaction) = (false, false);
     let mut rows = vec![("ReSTIR PT of 2022 and separate direct light", settings.clone())];
     let mut add = |name, change: &dyn Fn(&mut Restir)| {
@@ -382,7 +385,8 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
         (reuse.temporal_attempts, reuse.neighbor_attempts) = (temporal_attempts, neighbor_attempts);
     });
     add("+ five neighbors within 100 pixels, shorter histories", &|r| r.paths.reuse = default.paths.reuse.clone());
-    add("+ direct light in reservoirs of its own (the default)", &|r| r.paths.separate_direct_light = true);
+    add("+ direct light in reservoirs of its own", &|r| r.paths.separate_direct_light = true);
+    add("+ direct light in pairs (the default)", &|r| r.direct.reuse = default.direct.reuse.clone());
     add("the default, lights drawn one by one", &|r| r.direct.subset_count = 0);
     add("the default, without reuse", &|r| {
         r.direct.subset_count = default.direct.subset_count;

@@ -26,12 +26,12 @@ fn current_light_of(record: u32) -> u32 {
     return record;
 }
 
-// Whether a light of this frame exists, or (`previous`) existed in the last frame.
-fn light_exists(light: u32, previous: bool) -> bool {
+// Whether a light of this frame existed in the last one.
+fn light_existed(light: u32) -> bool {
     if light == ENVIRONMENT_LIGHT {
-        return !previous || environment_existed();
+        return environment_existed();
     }
-    return light_record(light, previous) != NONE;
+    return light_record(light, true) != NONE;
 }
 
 // Whether the last frame had the environment of this one.  After a change of its image it counts as another light, whose color in the last

@@ -234,7 +234,7 @@ impl Controller {
         }
     }
 
-    /// Ratio of the time of a step with fewer samples to that of the step before, by the last two that were measured: later steps save no more
+    /// Ratio of the time of a step with fewer samples to that of the step before, by the two highest steps that were measured: later steps save no more
     /// than earlier ones.
     fn ratio_of_samples(&self) -> f32 {
         let mut known = (0..=self.most.samples).rev().filter(|step| self.known[*step as usize] > 0.0);

@@ -101,8 +101,6 @@ impl SceneFeatures {
         .union(Self::LIGHT_RECTS)
         .union(Self::LIGHT_SHAPES)
         .union(Self::SUN_DISK)
-        .union(Self::ENVIRONMENT)
-        .union(Self::ENVIRONMENT_MAP)
         .union(Self::ALPHA)
         .union(Self::CLEARCOAT)
         .union(Self::TRANSMISSION)

@@ -90,17 +90,17 @@ impl Technique {
 /// Lights the image of this camera, a `Camera3d`, by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
-/// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
-/// sky that turns or changes its color.  It restarts when
+/// The history of earlier frames survives motion of objects, lights and cameras, objects, lights and images that appear, vanish or change, and
+/// skies that do so.  It restarts when
 ///
-/// - the pixels of an image change;
+/// - a material uses an image that the GPU writes, in every frame, or an image changes and the pixels of the last frame are lost
+///   (`docs/limits.md`, "History restarts");
 /// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
 ///   or a clearcoat, the first texture or vertex color in a scene with alpha, the first texture of transmission, specular, clearcoat or
 ///   anisotropy, or the first object that render layers hide;
 /// - the first object with [`Subsurface`] appears, or the last one disappears; in [`Technique::Bdpt`] also the first or last object with
 ///   `NotShadowCaster` or [`RestirMaterial`] (an object or light that [`RestirExpected`] announces restarts nothing);
 /// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
-/// - the environment appears, disappears or gets another image;
 /// - one of these settings changes, except [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`,
 ///   [`Research::replay_compaction`], [`Research::rays_per_dispatch`], and all of [`Reuse`] but `order` and `temporal`;
 ///

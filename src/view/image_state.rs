@@ -139,9 +139,9 @@ impl ImageState {
         self.environment == last.environment && self.has_environment_image_of(last) && features == of_last
     }
 
-    /// Whether the image of the environment is that of the last frame.
+    /// Whether the camera has an environment if it had one in the last frame, and whether its image is the same.
     fn has_environment_image_of(&self, last: &Self) -> bool {
-        let image = |state: &Self| (state.environment.and_then(ExtractedEnvironment::key), state.environment_revision);
+        let image = |state: &Self| (state.environment.map(ExtractedEnvironment::key), state.environment_revision);
         image(self) == image(last)
     }
 

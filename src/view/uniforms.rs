@@ -144,8 +144,8 @@ impl RestirView {
         let jitter = offset.unwrap_or_default();
         let is_jittered_mean = offset.is_some() && self.accumulated > 0;
         let environment = placement_of(restir.environment);
-        // The last frame's image may not exist any more.  Its environment counts as another light, which this frame does not have, and
-        // this one as a light that was dark.
+        // If the image has changed, the old environment is a light that is gone, and the new one is a light that was dark: the old image
+        // may not exist any more.
         let mut previous_environment = self.previous_environment.unwrap_or(environment);
         if !self.same_environment_image {
             previous_environment.color = [0.0; 3];

@@ -222,6 +222,34 @@ fn textures_that_the_device_had_no_memory_for_come_later() {
     rig.assert_sound();
 }
 
+/// The new pixels go over those of the last frame, so that histories restart.
+#[test]
+fn an_edited_image_without_memory_for_a_second_place_keeps_its_place() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let yellow = |green: u8| texture(250, 250, move |_, _| [255, green, 0, 255]);
+    let image = rig.add::<Image>(yellow(0));
+    let painted = StandardMaterial { base_color_texture: Some(image.clone()), ..lambert(0.5) };
+    rig.spawn(square(4.0), painted, Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 500.0, ..default() }, Transform::from_xyz(0.0, 0.0, 2.0)));
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.until_ready();
+    plant_failed_allocations(&rig.app, &["texture atlas"]);
+    let atlas = |rig: &Rig| rig.report().memory.into_iter().find(|(name, _)| *name == "texture atlas");
+    let before_edits = atlas(&rig);
+    for green in [255, 0, 255] {
+        rig.until_ready();
+        rig.frames(3);
+        let before = rig.report().history_resets;
+        rig.edit(&image, |image| *image = yellow(green));
+        rig.frames(2);
+        assert_ne!(rig.report().history_resets, before, "the pixels of the last frame are lost");
+        let expected = Vec3::new(0.5, f32::from(green) / 510.0, 0.0);
+        assert_eq!(rig.debug(DebugView::Albedo).center(), expected);
+    }
+    assert_eq!(atlas(&rig), before_edits);
+    rig.assert_sound();
+}
+
 /// The path of this module.
 const HERE: &str = "bevy::lost_devices";
 

@@ -62,39 +62,78 @@ fn a_sky_with_other_pixels_has_its_light_at_once_and_restarts_no_history() {
     for technique in [Technique::Di, Technique::Pt] {
         let Some(mut rig) = Rig::new(24, 16) else { return };
         rig.spawn(square(1.0), lambert(0.5), Transform::default());
-        let half = |is_left: bool| texture(8, 2, |x, _| if (x < 4) == is_left { [255; 4] } else { [0, 0, 0, 255] });
-        let image = rig.add::<Image>(half(true));
+        let image = rig.add::<Image>(half_white(true));
         rig.insert(rig.camera, RestirEnvironment { image: Some(image.clone()), ..sky(0.3) });
         rig.set(|restir| *restir = Restir { technique, ..plain() });
         rig.picture(20);
         let restarts = rig.report().history_resets;
-        let [mut before, mut at_once] = [0.0; 2];
-        let square_of =
-            |picture: &Picture| picture.iter().filter(|(at, _)| is_inner(*at)).map(|(_, c)| c.x).sum::<f32>();
-        let is_left_bright = |picture: &Picture| picture.at(4, 1).x > picture.at(20, 1).x;
-        for turn in 0..6 {
-            let mut old = rig.next();
-            rig.edit(&image, |image| *image = half(turn % 2 == 1));
-            let new = (0..4).find_map(|_| {
-                let next = rig.next();
-                if is_left_bright(&next) != is_left_bright(&old) {
-                    return Some(next);
-                }
-                old = next;
-                None
-            });
-            before += square_of(&old);
-            at_once += square_of(&new.expect("the sky has other pixels"));
-            rig.frames(8);
-        }
+        let is_inner = |at: UVec2| (10..14).contains(&at.x) && (6..10).contains(&at.y);
+        let sides = [UVec2::new(4, 1), UVec2::new(20, 1)];
+        let [before, at_once] = light_when_halves_change(&mut rig, &image, sides, is_inner);
         assert!((at_once / before - 1.0).abs() < 0.08, "{technique:?}: {before} before, and then {at_once}");
         assert_eq!(rig.report().history_resets, restarts, "{technique:?}");
         rig.assert_sound();
     }
 }
 
-fn is_inner(at: UVec2) -> bool {
-    (10..14).contains(&at.x) && (6..10).contains(&at.y)
+/// The old pixels stay for one frame, because temporal reuse evaluates samples in the scene of the last frame: either half of the wall lights
+/// the floor in front of it alike.
+#[test]
+fn a_wall_with_other_pixels_has_its_light_at_once_and_restarts_no_history() {
+    for technique in [Technique::Di, Technique::Pt] {
+        let Some(mut rig) = Rig::new(72, 48) else { return };
+        let floor = Transform::from_xyz(0.0, -1.0, 0.0).looking_to(Vec3::NEG_Y, Vec3::Z);
+        rig.spawn(square(4.0), lambert(0.5), floor);
+        let image = rig.add::<Image>(half_white(true));
+        let glow = StandardMaterial { emissive_texture: Some(image.clone()), ..lamp(4.0, 4.0, 4.0) };
+        rig.spawn(square(2.0), glow, Transform::from_xyz(0.0, 0.0, -2.0));
+        rig.set(|restir| *restir = Restir { technique, ..plain() });
+        rig.picture(20);
+        let restarts = rig.report().history_resets;
+        let is_floor = |at: UVec2| (21..51).contains(&at.x) && (33..42).contains(&at.y);
+        let sides = [UVec2::new(31, 23), UVec2::new(40, 23)];
+        let [before, at_once] = light_when_halves_change(&mut rig, &image, sides, is_floor);
+        assert!((at_once / before - 1.0).abs() < 0.15, "{technique:?}: {before} before, and then {at_once}");
+        assert_eq!(rig.report().history_resets, restarts, "{technique:?}");
+        rig.assert_sound();
+    }
+}
+
+/// An image that is white on one side and black on the other.
+fn half_white(is_left: bool) -> Image {
+    texture(8, 2, |x, _| if (x < 4) == is_left { [255; 4] } else { [0, 0, 0, 255] })
+}
+
+/// Exchanges the halves of an image six times.  Returns the sums of the light of some pixels in the frames before, and in the first frames
+/// with the new pixels.  `sides`: pixels in which the halves are seen.
+fn light_when_halves_change(
+    rig: &mut Rig,
+    image: &Handle<Image>,
+    sides: [UVec2; 2],
+    is_counted: impl Fn(UVec2) -> bool,
+) -> [f32; 2] {
+    let light = |picture: &Picture| picture.iter().filter(|(at, _)| is_counted(*at)).map(|(_, c)| c.x).sum::<f32>();
+    let is_left_bright = |picture: &Picture| {
+        let [left, right] = sides.map(|at| picture.at(at.x, at.y).x);
+        left > right
+    };
+    let [mut before, mut at_once] = [0.0; 2];
+    for turn in 0..6 {
+        let mut old = rig.next();
+        rig.edit(image, |image| *image = half_white(turn % 2 == 1));
+        let new = (0..4).find_map(|_| {
+            let next = rig.next();
+            if is_left_bright(&next) != is_left_bright(&old) {
+                return Some(next);
+            }
+            old = next;
+            None
+        });
+        before += light(&old);
+        at_once += light(&new.expect("the image has other pixels"));
+        rig.frames(8);
+    }
+    [before, at_once]
 }
 
 /// Changes a camera's environment, and asserts that the corner of each frame has one of two radiances: first the old one, then the new one.

@@ -226,3 +226,55 @@ fn meshes_that_nothing_shows_take_no_room_and_keep_nobody_waiting() {
     assert!(shown >= 16 * 16, "it is built already, so that it is shown at once: {shown} pixels");
     assert!(bytes(&rig) > before);
 }
+
+/// Triangles of [`separate_triangles`].
+const SEPARATE: u32 = 10_000;
+
+/// Triangles that share no vertex: about a megabyte on the GPU.
+fn separate_triangles() -> Mesh {
+    let corners = |i: u32| {
+        let [x, y] = [i % 100, i / 100].map(|n| 0.01 * n as f32);
+        [[x, y, 0.0], [x + 0.008, y, 0.0], [x, y + 0.008, 0.0]]
+    };
+    with_positions(PrimitiveTopology::TriangleList, (0..SEPARATE).flat_map(corners).collect())
+}
+
+/// Renders frames until this many instances are shown.  Returns the bytes that each frame sent.
+fn sent_until_shown(rig: &mut Rig, instances: u64) -> Vec<u64> {
+    let mut sent = Vec::new();
+    while rig.report().instances < instances {
+        assert!(sent.len() < 100, "{} of {instances} instances are shown after {sent:?} bytes", rig.report().instances);
+        rig.frame();
+        let report = rig.report();
+        let is_complete = report.instances == instances;
+        assert!(is_complete || report.uploaded_bytes == 0 || !report.ready, "nothing waits for the rest: {sent:?}");
+        sent.push(report.uploaded_bytes);
+    }
+    sent
+}
+
+/// A level that loads does not stall a frame.
+#[test]
+fn meshes_that_arrive_together_are_sent_over_several_frames() {
+    let Some(mut rig) = rig() else { return };
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    rig.spawn(square(0.2), lambert(0.5), Transform::from_xyz(-0.9, -0.9, 0.0));
+    let meshes: Vec<_> = (0..=40).map(|_| rig.add::<Mesh>(separate_triangles())).collect();
+    rig.until_ready();
+    // All are built before an instance shows them, so that nothing but the limit spreads them.
+    until_built(&mut rig);
+    let show = |rig: &mut Rig, mesh: &Handle<Mesh>| {
+        rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), Transform::default()));
+    };
+    show(&mut rig, &meshes[0]);
+    let one: u64 = sent_until_shown(&mut rig, 2).iter().sum();
+    meshes[1..].iter().for_each(|mesh| show(&mut rig, mesh));
+    let sent = sent_until_shown(&mut rig, 42);
+    assert!(sent.iter().sum::<u64>() > 40 << 20, "{sent:?}");
+    // Records and the tree over the instances are small.
+    let most = (16 << 20) + one + (64 << 10);
+    assert!(sent.iter().all(|bytes| *bytes <= most), "a frame sent more than {most} bytes: {sent:?}");
+    let report = rig.until_ready();
+    assert_eq!(report.triangles, 2 + 41 * u64::from(SEPARATE));
+    rig.assert_sound();
+}

@@ -56,7 +56,7 @@ impl Course {
         let turns = self.edits.div_ceil(self.turn) as u64 - 1;
         for ((reason, before), (_, after)) in before.into_iter().zip(edited.report().history_resets) {
             let allowed = match reason {
-                // The pixels of an image change, or the atlas is packed again.
+                // An image that is new or edited may need another packing of the atlas.
                 "scene" => scene.images,
                 "settings" | "pipelines" => turns,
                 _ => 0,

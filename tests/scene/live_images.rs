@@ -1,14 +1,14 @@
-//! Images that appear, disappear, are resized, and are written by the GPU: the atlas stays as small as its content, and the output of
-//! cameras is visible on surfaces, lamps and environments.
+//! Images that appear, disappear, are edited and resized, and are written by the GPU: the atlas stays as small as its content, and the output
+//! of cameras is visible on surfaces, lamps and environments.
 
 use crate::support::{app::*, oracle::texture::srgb_to_linear, reuse_settings::di};
 use bevy::{
     camera::{ImageRenderTarget, RenderTarget},
     core_pipeline::tonemapping::Tonemapping,
     prelude::*,
-    render::render_resource::{TextureFormat, WgpuFeatures},
+    render::render_resource::{TextureFormat, TextureUsages, WgpuFeatures},
 };
-use bevy_restir::{DebugView, Restir, RestirEnvironment, Technique};
+use bevy_restir::{DebugView, Restir, RestirEnvironment, Technique, testing::lengths::table_lengths};
 
 fn atlas(rig: &Rig) -> u64 {
     rig.report().memory.iter().find(|(name, _)| *name == "texture atlas").map_or(0, |(_, bytes)| *bytes)
@@ -49,6 +49,62 @@ fn an_image_that_is_replaced_again_and_again_does_not_grow_the_atlas() {
         assert!((picture.at(6, 4).x - expected).abs() < 0.004, "{i}: {}", picture.at(6, 4));
         assert!((picture.at(2, 4) - Vec3::Y).length() < 1e-5, "{i}: {}", picture.at(2, 4));
         assert!(atlas(&rig) <= 2 * page(256), "{i}: {} bytes", atlas(&rig));
+    }
+}
+
+/// The color of a frame of a film.
+fn film_color(frame: u32) -> [u8; 4] {
+    [(37 * frame) as u8, (11 * frame) as u8, 100, 255]
+}
+
+/// A frame of a film, as an image with mip levels of its own.
+fn film_with_levels(frame: u32) -> Image {
+    let levels = [16, 4, 1].map(|count| film_color(frame).repeat(count));
+    image_with_levels(TextureFormat::Rgba8UnormSrgb, 4, 4, &levels)
+}
+
+/// The kinds of films.
+const FILMS: [(&str, fn(u32) -> Image); 4] = [
+    ("small", |frame| texture(60, 40, |_, _| film_color(frame))),
+    ("as large as a page of the atlas", |frame| texture(250, 250, |_, _| film_color(frame))),
+    ("in new textures", film_with_levels),
+    ("in a texture that Bevy overwrites", |frame| {
+        let mut image = film_with_levels(frame);
+        image.texture_descriptor.usage |= TextureUsages::COPY_DST;
+        image
+    }),
+];
+
+/// Histories may restart where the film begins: where Bevy overwrites a bound texture for the first time, or where the atlas gets another page.
+#[test]
+fn a_film_keeps_histories_and_takes_no_more_memory_with_each_frame() {
+    let devices = [Rig::new(8, 8), Rig::lacking(WgpuFeatures::TEXTURE_BINDING_ARRAY, 8, 8)];
+    for mut rig in devices.into_iter().flatten() {
+        rig.set(|restir| restir.technique = Technique::Di);
+        for (what, film) in FILMS {
+            let image = rig.add::<Image>(film(0));
+            let glow = StandardMaterial { emissive_texture: Some(image.clone()), ..lamp(1.0, 1.0, 1.0) };
+            let screen = rig.spawn(square(8.0), glow, Transform::default());
+            rig.until_ready();
+            let kept = |rig: &Rig| {
+                let report = rig.report();
+                let bound = table_lengths(&rig.app).into_iter().find(|(name, _)| *name == "bound textures");
+                (report.history_resets.clone(), report.memory_bytes(), bound.expect("it is in the list"))
+            };
+            let mut early = None;
+            for frame in 1..=110 {
+                rig.edit(&image, |image| *image = film(frame));
+                let got = rig.next().center();
+                let [r, g, b, _] = film_color(frame).map(|c| srgb_to_linear(f64::from(c) / 255.0) as f32);
+                assert!((got - Vec3::new(r, g, b)).length() < 0.01, "{what}, frame {frame}: {got}");
+                if frame == 10 {
+                    early = Some(kept(&rig));
+                }
+            }
+            assert_eq!(Some(kept(&rig)), early, "{what}");
+            rig.app.world_mut().despawn(screen);
+        }
+        rig.assert_sound();
     }
 }
 

@@ -16,9 +16,21 @@ use bevy_restir::{
 
 const CONFIDENCE_CAP: f32 = 20.0;
 
-/// A room in which diffuse and emissive objects appear and disappear, and in which materials and a mesh are edited: [`pose_edited`].
+/// The images of the poster and of the sign.
+#[derive(Component)]
+struct Pictures([Handle<Image>; 2]);
+
+/// An image that is bright on one side.
+fn half_bright(is_left: bool) -> Image {
+    texture(8, 4, |x, _| if (x < 4) == is_left { [255, 240, 220, 255] } else { [30, 50, 60, 255] })
+}
+
+/// A room in which diffuse and emissive objects appear and disappear, and in which materials, images and a mesh are edited: [`pose_edited`].
 fn edited(rig: &mut Rig) {
     room(rig);
+    let pictures = [true, false].map(|is_left| rig.add::<Image>(half_bright(is_left)));
+    rig.insert(rig.camera, Pictures(pictures.clone()));
+    let [poster, sign] = pictures.map(Some);
     let mut named = |name: &'static str, mesh: Mesh, material: StandardMaterial, place: Transform| {
         let entity = rig.spawn(mesh, material, place);
         rig.insert(entity, Name::new(name));
@@ -40,15 +52,31 @@ fn edited(rig: &mut Rig) {
         lamp(4.0, 4.0, 4.0),
         facing(Vec3::new(0.0, 1.2, 0.9), Vec3::new(0.0, -1.0, -0.2)),
     );
+    named(
+        "poster",
+        square(1.2),
+        StandardMaterial { base_color_texture: poster, ..lambert(0.9) },
+        facing(Vec3::new(1.5, -0.5, 0.2), Vec3::new(0.0, -0.5, 0.2)),
+    );
+    named(
+        "sign",
+        square(0.6),
+        StandardMaterial { emissive_texture: sign, ..lamp(5.0, 5.0, 5.0) },
+        facing(Vec3::new(-1.2, 0.9, -0.5), Vec3::new(0.0, -0.6, 0.2)),
+    );
     named("painted", square(2.0), lambert(0.2), Transform::from_xyz(0.8, 0.2, -1.1));
     named("swapped", Cuboid::new(0.5, 0.5, 0.5).into(), lambert(0.7), Transform::from_xyz(-1.1, -0.2, 0.4));
     let shape = rig.add::<Mesh>(Sphere::new(0.35));
     rig.spawn_bundle((Name::new("other shape"), Mesh3d(shape)));
 }
 
-/// Edits the room for a step, 0 to [`STEPS`].
+/// Edits the room for a step, 0 to [`STEPS`].  The images have other pixels in the last step, and equal ones in the steps before.
 fn pose_edited(rig: &mut Rig, step: u32) {
     let is_last = step >= STEPS;
+    let pictures = rig.get_mut::<Pictures>(rig.camera).0.clone();
+    for (picture, is_left) in pictures.iter().zip([true, false]) {
+        rig.edit(picture, |image| *image = half_bright(is_left != is_last));
+    }
     for (name, there) in
         [("arriving", is_last), ("arriving lamp", is_last), ("leaving", !is_last), ("leaving lamp", !is_last)]
     {
@@ -127,6 +155,23 @@ fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
     proof.check("sky", &mut rig, &all);
 }
 
+/// The sky shines only before the last step, or only in it.
+fn pose_arrival(rig: &mut Rig, step: u32) {
+    pose_presence(rig, step >= STEPS);
+}
+
+fn pose_departure(rig: &mut Rig, step: u32) {
+    pose_presence(rig, step < STEPS);
+}
+
+fn pose_presence(rig: &mut Rig, shines: bool) {
+    let mut camera = rig.app.world_mut().entity_mut(rig.camera);
+    match shines {
+        true => camera.insert(sky(0.6)),
+        false => camera.remove::<RestirEnvironment>(),
+    };
+}
+
 /// The images of the sky before the last step and in it.
 #[derive(Component)]
 struct Skies([Handle<Image>; 2]);
@@ -160,6 +205,29 @@ fn light_of_another_sky_equals_the_reference_at_once() {
     let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
     let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
     proof.check("two skies", &mut rig, &all);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_of_skies_that_come_go_and_change_equals_the_reference() {
+    type Scene = (&'static str, fn(&mut Rig), fn(&mut Rig, u32));
+    let scenes: [Scene; 3] = [
+        ("two skies", below_two_skies, pose_skies),
+        ("a sky appears", |rig| surrounded(rig, false), pose_arrival),
+        ("a sky disappears", |rig| surrounded(rig, false), pose_departure),
+    ];
+    for (name, make, pose) in scenes {
+        let Some(mut rig) = scene(64, make) else { return };
+        for step in [STEPS, 0] {
+            pose(&mut rig, step);
+            rig.until_ready();
+        }
+        let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose), ..Proof::of((60, 1), (14, 32)) };
+        let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
+        let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
+        proof.check(name, &mut rig, &all);
+        Proof { bounces: 1, ..proof }.check(name, &mut rig, &[("direct, both", di::all_reuse())]);
+    }
 }
 
 /// Light sub-paths of the last frame are replayed among lights and objects that appear, disappear and change, and below a sky that turns.

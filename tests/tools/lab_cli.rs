@@ -5,6 +5,7 @@ use crate::support::{
     cli::{Folder, asset},
 };
 use bevy::math::UVec2;
+use bevy_restir::{ReuseOrder, Technique};
 use bevy_restir_support::{headless, scene::View};
 use serde_json::Value;
 use std::fs;
@@ -234,12 +235,20 @@ fn frames_have_a_row_for_each_figure() {
         field.parse::<f64>().unwrap_or_else(|_| panic!("{section}, {row}: {table}"))
     };
     for section in ["Balanced", "bounces=1", "resolution_scale=0.5"] {
-        for row in
-            ["relMSE without the worst percent", "relMSE", "MAPE", "FLIP", "standard error of energy", "lighting"]
-        {
+        for row in [
+            "relMSE without the worst percent",
+            "relMSE",
+            "MAPE",
+            "FLIP",
+            "standard error of energy",
+            "lighting",
+            "memory",
+        ] {
             assert!(value(section, row) > 0.0, "{section}, {row}: {table}");
         }
     }
+    // A quarter of the pixels is traced, and the memory of the scene and of the light subsets does not count.
+    assert!(value("resolution_scale=0.5", "memory") < 0.5 * value("Balanced", "memory"), "{table}");
     // The light of later bounces is missing.
     assert!(value("bounces=1", "energy") < value("Balanced", "energy") - 0.1, "{table}");
 }
@@ -397,6 +406,26 @@ fn rows_that_compare_parts_of_direct_light_have_settings_of_their_own() {
     }
     let caps = all.iter().filter(|entry| entry.section == "Confidence cap");
     assert_eq!(caps.map(|entry| entry.settings.direct.reuse.confidence_cap).fold(0.0, f32::max), 250.0);
+}
+
+/// `lab steps`: each row changes something, the first has no pairs, and a row is what users get.
+#[test]
+fn steps_begin_without_pairs_and_reach_the_default() {
+    let mut default = series::plain(Technique::Pt, 8);
+    let rows = series::steps(&default);
+    for (i, (name, settings)) in rows.iter().enumerate() {
+        assert!(settings.clone().validate().is_empty(), "{name}");
+        assert!(rows[..i].iter().all(|(_, other)| other != settings), "{name} is another row");
+    }
+    let first = &rows[0].1;
+    assert!(first.paths.separate_direct_light && !first.paths.reuse.paired);
+    // As in Wyman and Panteleev 2021.
+    let direct = &first.direct.reuse;
+    assert!(!direct.paired && direct.order == ReuseOrder::Spatiotemporal);
+    assert_eq!((direct.spatial_samples, direct.radius, direct.confidence_cap), (1, 30.0, 20.0));
+    default.paths.separate_direct_light = true;
+    let reached = rows.iter().find(|(name, _)| name.ends_with("(the default)"));
+    assert_eq!(reached.map(|(_, settings)| settings), Some(&default));
 }
 
 /// Times and errors of fewer pixels would pass for those of the picture that was asked for.

@@ -14,7 +14,7 @@ pub struct Advice {
     /// The budgets, in words.
     pub budget: String,
     pub pick: String,
-    /// Time, error and bias of the pick, and the part of the squared error that is bias.
+    /// Time, error and bias of the pick, and the part of the squared error that is the bias of blocks.
     pub figures: String,
     pub code: String,
 }
@@ -85,7 +85,7 @@ pub fn advice(sweep: &Sweep) -> Vec<Advice> {
                 budget,
                 pick,
                 figures: format!(
-                    "{} ms, {}, bias {}, which is {share:.0} % of the squared error",
+                    "{} ms, {}, bias {}; the bias of blocks is {share:.0} % of the squared error",
                     digits(points[i].time),
                     digits(points[i].error),
                     report::bias(record)

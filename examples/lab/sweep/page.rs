@@ -48,7 +48,7 @@ pub fn write(sweep: &Sweep, folder: &Path) -> Result<(), String> {
     }
     let _ = write!(
         page,
-        "</ul>\n<h2>What to pick</h2>\n<p>Error: {}. Settings whose squared error is mostly bias are left out.</p>\n",
+        "</ul>\n<h2>What to pick</h2>\n<p>Error: {}. Settings whose squared error is mostly bias are left out if there are others.</p>\n",
         sweep.by.name()
     );
     for advice in advice(sweep) {

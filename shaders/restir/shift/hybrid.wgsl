@@ -20,7 +20,7 @@
 #import bevy_restir::path::walk::{drawn_step, given_step, no_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::connection::connection::{ends_with_connection, stores_light_vertex}
 #import bevy_restir::restir::path_sample::{COPIES_MIS, PathSample, shift_result, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
-#import bevy_restir::restir::shift::path_end::{end_exists, end_on_light, end_with_connection, end_with_nee, ends_on_analytic_light, hit_analytic_light, hit_environment, require_same_end, stored_weight_of_shifted, Walk}
+#import bevy_restir::restir::shift::path_end::{end_existed, end_on_light, end_with_connection, end_with_nee, ends_on_analytic_light, hit_analytic_light, hit_environment, require_same_end, stored_weight_of_shifted, Walk}
 #import bevy_restir::restir::shift::reconnection::{is_connectable_by, is_connectable_end, previous_vertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShiftedPath, with_shadow_ray}
 #import bevy_restir::scene::cone::Cone
@@ -35,8 +35,8 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     if s.length < 2u {
         return failed(SHIFT_NO_PATH);
     }
-    // Light that is not traced again may come from a light that the last frame did not have.
-    if previous && !end_exists(s, previous) {
+    // The stored radiance may be that of a light that the last frame did not have.
+    if previous && !end_existed(s) {
         return failed(SHIFT_REPLAY_ENDED);
     }
     var w: Walk;

@@ -9,7 +9,7 @@
 #import bevy_restir::light::environment::environment_pdf
 #import bevy_restir::light::light::environment_light
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
-#import bevy_restir::light::remap::{light_exists, light_record}
+#import bevy_restir::light::remap::{light_existed, light_record}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::nee_contribution
@@ -52,13 +52,12 @@ fn ends_on_analytic_light(s: PathSample) -> bool {
 }
 #endif
 
-// Whether the light of a path exists, or (`previous`) existed in the last frame.  A path does not know the light of a triangle that its last
-// ray hit.
-fn end_exists(s: PathSample, previous: bool) -> bool {
+// Whether the light of a path existed in the last frame.  A path does not know the light of a triangle that its last ray hit.
+fn end_existed(s: PathSample) -> bool {
     if s.light.light != NONE {
-        return light_exists(s.light.light, previous);
+        return light_existed(s.light.light);
     }
-    return s.termination != TERMINATION_ENVIRONMENT || light_exists(ENVIRONMENT_LIGHT, previous);
+    return s.termination != TERMINATION_ENVIRONMENT || light_existed(ENVIRONMENT_LIGHT);
 }
 
 // Ends the path on its spherical or rectangular light: at the point that it stores, or where the ray now hits the light.

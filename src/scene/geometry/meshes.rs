@@ -3,6 +3,7 @@
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
 
+mod arrivals;
 pub(crate) mod corner_copies;
 mod problems;
 mod ranges;
@@ -21,10 +22,10 @@ use bevy::{
         render_resource::{BufferUsages, TextureFormat},
         renderer::{RenderDevice, RenderQueue},
     },
-    tasks::{Task, futures::check_ready},
 };
-use std::ops::Range;
+use std::{collections::VecDeque, ops::Range};
 
+use arrivals::Build;
 use corner_copies::{CornerCopies, CornerCopy};
 use problems::MeshProblem;
 
@@ -35,9 +36,9 @@ use crate::scene::{
     extract::{ExtractedScene, instances::InstanceList},
     features::SceneFeatures,
     geometry::corner_texture::{BodySource, CornerTexture},
-    geometry::mesh_build::{BuildError, Built, build},
+    geometry::mesh_build::{BuildError, Built},
     geometry::rig::{Rig, RigBounds, RigTables},
-    geometry::triangulate::{Dropped, GeometryError, HalfColor},
+    geometry::triangulate::{GeometryError, HalfColor},
     storage::{growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
 use crate::warned::Warned;
@@ -75,13 +76,6 @@ impl MeshEntry {
     }
 }
 
-/// A mesh that is being built.
-struct Build {
-    task: Task<Built>,
-    /// The newest version of the mesh, if it changed during the build; it is built next.
-    newest: Option<Mesh>,
-}
-
 /// The meshes of the scene.
 #[derive(Resource)]
 pub(crate) struct MeshPool {
@@ -92,7 +86,10 @@ pub(crate) struct MeshPool {
     orphans: HashSet<AssetId<Mesh>>,
     /// Meshes that instances of the last frame showed while their own were built.
     substitutes: HashSet<AssetId<Mesh>>,
+    /// Meshes that are being built or wait for their upload.
     building: HashMap<AssetId<Mesh>, Build>,
+    /// Results of ended builds, in the order in which they are uploaded.
+    arrivals: VecDeque<(AssetId<Mesh>, Built)>,
     /// Meshes that are left out, so that no instance waits for them: without a usable triangle, too large, unreadable, or failed to build.
     left_out: HashSet<AssetId<Mesh>>,
     /// Those of them that did not fit the device, for the time when other meshes or bodies are gone.
@@ -139,6 +136,7 @@ impl Default for MeshPool {
             orphans: HashSet::default(),
             substitutes: HashSet::default(),
             building: HashMap::default(),
+            arrivals: VecDeque::new(),
             left_out: HashSet::default(),
             too_large: HashMap::default(),
             unused: HashMap::default(),
@@ -187,6 +185,7 @@ pub(crate) fn queue_meshes(
         pool.orphans.insert(*id);
     }
     if !extracted.removed.is_empty() {
+        pool.arrivals.retain(|(mesh, _)| !extracted.removed.contains(mesh));
         pool.warned.retain(|(mesh, _)| !extracted.removed.contains(mesh));
     }
     for (id, mesh) in &extracted.extracted {
@@ -195,12 +194,12 @@ pub(crate) fn queue_meshes(
         pool.orphans.remove(id);
         match pool.building.get_mut(id) {
             Some(build) => build.newest = Some(mesh),
-            None => _ = pool.building.insert(*id, Build { task: build(mesh), newest: None }),
+            None => _ = pool.building.insert(*id, Build::start(mesh)),
         }
     }
 }
 
-/// Uploads the meshes that instances show and whose build has finished.
+/// Uploads the meshes that instances show and whose build has finished, as many as a frame may.
 pub(crate) fn finish_meshes(
     mut pool: ResMut<MeshPool>,
     mut scene: ResMut<ExtractedScene>,
@@ -217,23 +216,9 @@ pub(crate) fn finish_meshes(
     if core::mem::take(&mut pool.has_room) {
         pool.insert_too_large(&device, &queue);
     }
-    let mut done = Vec::new();
-    pool.building.retain(|id, running| {
-        let Some(built) = check_ready(&mut running.task) else { return true };
-        done.push((*id, built));
-        let newest = running.newest.take().map(build);
-        newest.map(|task| running.task = task).is_some()
-    });
-    for id in scene.instances.take_newly_shown() {
-        let is_replaced = done.iter().any(|(other, _)| *other == id);
-        if let Some(blas) = pool.unused.remove(&id).filter(|_| !is_replaced) {
-            done.push((id, (Ok(Some(*blas)), Dropped::default())));
-        }
-    }
+    pool.queue_arrivals(scene.instances.take_newly_shown());
     let is_unused = |id: AssetId<Mesh>| scene.instances.users_of_mesh(id).next().is_none();
-    // Sorted, so that the layout of the buffers does not depend on the order in which tasks end.
-    done.sort_unstable_by_key(|(id, _)| *id);
-    for (id, (built, dropped)) in done {
+    while let Some((id, (built, dropped))) = pool.next_arrival() {
         if let Some(text) = dropped.complaint() {
             pool.warn(id, MeshProblem::UnusableTriangles, &text, assets.as_deref());
         }
@@ -281,6 +266,7 @@ impl MeshPool {
             ("retired meshes", self.retired.len()),
             ("meshes without an asset", self.orphans.len()),
             ("meshes that are built", self.building.len()),
+            ("meshes that wait for their upload", self.arrivals.len()),
             ("meshes that are left out", self.left_out.len()),
             ("meshes that do not fit", self.too_large.len()),
             ("meshes that are not shown", self.unused.len()),
@@ -470,7 +456,7 @@ impl MeshPool {
         self.entries.values().chain(&self.retired).map(|entry| entry.version).collect()
     }
 
-    /// Whether no mesh that an instance shows is being built or read back.
+    /// Whether no mesh that an instance shows is being built, waits for its upload or is read back.
     pub(crate) fn shown_are_built(&self, instances: &InstanceList) -> bool {
         !self.awaits_copies() && self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
     }
@@ -482,7 +468,7 @@ impl MeshPool {
         self.building.keys().all(was_built)
     }
 
-    /// Whether the mesh is being built.
+    /// Whether the mesh is being built or waits for its upload.
     pub(crate) fn is_building(&self, id: AssetId<Mesh>) -> bool {
         self.building.contains_key(&id)
     }

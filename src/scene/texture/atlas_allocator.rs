@@ -4,6 +4,10 @@
 //! The packer cannot free rectangles.  If an image does not fit, all images in use are packed again: into the same pages if that frees
 //! enough of them, and otherwise into 1.5 times as many pages.  Each image is therefore copied only a few times, in whatever order images
 //! are added and removed.
+//!
+//! Temporal reuse also reads the pixels of the last frame.  So the first edit of an image gives it a second rectangle, and each further edit
+//! changes the roles of the two.  The rectangle of an image that has another size or is removed keeps its content until all images are packed
+//! again.
 
 use bevy::{
     asset::AssetId,
@@ -74,6 +78,14 @@ fn area(page: u32, layers: u32) -> u64 {
     u64::from(page).pow(2) * u64::from(layers)
 }
 
+/// The sizes of the rectangles of images in use.
+fn items<'a>(
+    rectangles: impl Iterator<Item = (&'a AssetId<Image>, &'a Placement)>,
+    is_used: impl Fn(AssetId<Image>) -> bool,
+) -> Vec<Item> {
+    rectangles.filter(|(id, _)| is_used(**id)).map(|(id, placement)| (*id, placement.size)).collect()
+}
+
 fn texels(images: &[Item]) -> u64 {
     images.iter().map(|(_, size)| u64::from(size.x) * u64::from(size.y)).sum()
 }
@@ -83,10 +95,24 @@ fn sort(images: &mut [Item]) {
     images.sort_unstable_by_key(|&(id, size)| (core::cmp::Reverse((size.y, size.x)), id));
 }
 
-/// Rectangles of the images in the atlas.
+/// What has become of the rectangles of the atlas.
 #[derive(Default)]
+pub(crate) struct Moves {
+    /// All images have other rectangles, and the old contents of the atlas are lost.
+    pub all: bool,
+    /// Edited images for which there is no second rectangle: their new pixels replace the old ones.
+    pub overwritten: Vec<AssetId<Image>>,
+}
+
+/// Rectangles of the images in the atlas.
+#[derive(Clone, Default)]
 pub(crate) struct AtlasAllocator {
     placed: HashMap<AssetId<Image>, Placement>,
+    /// Second rectangles of images that have been edited, of the same size as the first ones.  After an edit, the second rectangle has the
+    /// pixels of the last frame.
+    second: HashMap<AssetId<Image>, Placement>,
+    /// There was no room for a second rectangle, and no space has been freed since.
+    lacks_second: bool,
     packer: ShelfPacker,
     /// Number of pages of the atlas; the packer may not use all of them yet.
     layers: u32,
@@ -108,13 +134,30 @@ impl AtlasAllocator {
         [self.packer.page, self.layers]
     }
 
-    /// Releases the rectangle of a removed image; true if it had one.
+    /// Whether an image has a rectangle of this size.
+    pub(crate) fn has_place(&self, id: AssetId<Image>, size: UVec2) -> bool {
+        self.placed.get(&id).is_some_and(|placement| placement.size == size)
+    }
+
+    /// Whether an edited image needs a second rectangle for its new pixels.
+    pub(crate) fn needs_second(&self, id: AssetId<Image>, size: UVec2) -> bool {
+        self.has_place(id, size) && !self.lacks_second && !self.second.contains_key(&id)
+    }
+
+    /// Gives no image a second rectangle until space is freed.
+    pub(crate) fn stop_doubling(&mut self) {
+        self.lacks_second = true;
+    }
+
+    /// Releases the rectangles of a removed image; true if it had one.
     pub(crate) fn release(&mut self, id: AssetId<Image>) -> bool {
         self.left_out.remove(&id);
+        self.second.remove(&id);
         let was_placed = self.placed.remove(&id).is_some();
         if was_placed {
             // The others may fit now.
             self.left_out.clear();
+            self.lacks_second = false;
         }
         was_placed
     }
@@ -137,31 +180,40 @@ impl AtlasAllocator {
         let before = self.placed.len();
         self.placed.retain(|id, _| used.contains(id));
         if self.placed.len() < before {
+            self.second.retain(|id, _| used.contains(id));
             self.left_out.clear();
+            self.lacks_second = false;
         }
     }
 
-    /// Places images, unless they already have a rectangle of their size.  True if the rectangles of all images have changed.
+    /// Places new and edited images.  Those of other sizes than before lose their old rectangles.
     pub(crate) fn place(
         &mut self,
         mut new: Vec<Item>,
         limits: Limits,
         is_used: impl Fn(AssetId<Image>) -> bool,
-    ) -> bool {
-        new.retain(|(id, size)| self.placed.get(id).is_none_or(|placement| placement.size != *size));
-        if new.is_empty() {
-            return false;
+    ) -> Moves {
+        let mut moves = Moves::default();
+        new.retain(|&(id, size)| !self.exchange(id, size));
+        if self.lacks_second {
+            moves.overwritten = self.take_edited(&mut new);
         }
-        for (id, _) in &new {
-            self.release(*id);
+        if new.is_empty() {
+            return moves;
+        }
+        for &(id, size) in &new {
+            if !self.has_place(id, size) {
+                self.release(id);
+            }
         }
         sort(&mut new);
-        let mut kept: Vec<Item> =
-            self.placed.iter().filter(|(id, _)| is_used(**id)).map(|(id, placement)| (*id, placement.size)).collect();
+        // An edited image is in both lists, and so gets a second rectangle.
+        let kept = items(self.placed.iter().chain(self.second.iter()), &is_used);
         let added = Packing::onto(self.packer.clone(), &new, self.layers);
         let is_oversized = self.area() > MIN_SHRINK_TEXELS && 4 * (texels(&kept) + texels(&new)) < self.area();
         if added.left_out.is_empty() && !is_oversized {
-            return self.extend(added);
+            self.extend(added);
+            return moves;
         }
         // Texels of released and unused images, which only a new packing can free.
         let dead = self.packer.placed_texels.saturating_sub(texels(&kept));
@@ -171,26 +223,51 @@ impl AtlasAllocator {
             Some(fresh) if added.left_out.is_empty() && 2 * fresh.area() > self.area() => self.extend(added),
             Some(fresh) => {
                 let layers = self.layers_for(&fresh.packer, dead).min(limits.layers);
-                self.replace(fresh, layers)
+                self.replace(fresh, layers);
+                moves.all = true;
             }
             None => {
-                sort(&mut kept);
-                self.fill(added, &kept, &new, limits)
+                moves.overwritten.extend(self.take_edited(&mut new));
+                moves.all = self.fill(&new, limits, &is_used);
+                self.lacks_second = true;
             }
+        }
+        moves
+    }
+
+    /// Changes the roles of the two rectangles of an edited image; false if it has only one, or if its size has changed.
+    fn exchange(&mut self, id: AssetId<Image>, size: UVec2) -> bool {
+        match (self.placed.get_mut(&id), self.second.get_mut(&id)) {
+            (Some(first), Some(second)) if first.size == size => {
+                core::mem::swap(first, second);
+                true
+            }
+            _ => false,
         }
     }
 
-    /// Fills an atlas that cannot hold all images: images that have a rectangle keep one, though perhaps elsewhere.
-    fn fill(&mut self, added: Packing, kept: &[Item], new: &[Item], limits: Limits) -> bool {
-        let first = Packing::onto(ShelfPacker::with_page_size(limits.page), kept, limits.layers);
+    /// Takes the images that have a rectangle of their size out of a list.
+    fn take_edited(&self, new: &mut Vec<Item>) -> Vec<AssetId<Image>> {
+        new.extract_if(.., |(id, size)| self.has_place(*id, *size)).map(|(id, _)| id).collect()
+    }
+
+    /// Fills an atlas that cannot hold all images: images that have a rectangle keep one, though perhaps elsewhere.  True if the rectangles
+    /// of all images have changed.
+    fn fill(&mut self, new: &[Item], limits: Limits, is_used: impl Fn(AssetId<Image>) -> bool) -> bool {
+        let mut kept = items(self.placed.iter(), is_used);
+        sort(&mut kept);
+        let added = Packing::onto(self.packer.clone(), new, self.layers);
+        let first = Packing::onto(ShelfPacker::with_page_size(limits.page), &kept, limits.layers);
         if first.left_out.is_empty() {
             let mut full = Packing::onto(first.packer, new, limits.layers);
             if full.left_out.len() < added.left_out.len() {
                 full.placed.extend(first.placed);
-                return self.replace(full, limits.layers);
+                self.replace(full, limits.layers);
+                return true;
             }
         }
-        self.extend(added)
+        self.extend(added);
+        false
     }
 
     /// Number of pages for a new packing: with reserve where the atlas grows, so that it is not replaced too often.  `dead`: texels that the
@@ -212,18 +289,23 @@ impl AtlasAllocator {
         area(self.packer.page, self.layers)
     }
 
-    fn extend(&mut self, added: Packing) -> bool {
+    /// Takes over a packing.  An image that it places twice, or that already has a rectangle, has two of them.
+    fn extend(&mut self, added: Packing) {
         self.packer = added.packer;
-        self.placed.extend(added.placed);
+        for (id, placement) in added.placed {
+            if let Some(last) = self.placed.insert(id, placement) {
+                self.second.insert(id, last);
+            }
+        }
         self.left_out.extend(added.left_out);
-        false
     }
 
-    fn replace(&mut self, packing: Packing, layers: u32) -> bool {
+    fn replace(&mut self, packing: Packing, layers: u32) {
         self.placed.clear();
+        self.second.clear();
+        self.lacks_second = false;
         self.layers = layers;
         self.extend(packing);
-        true
     }
 }
 
@@ -241,13 +323,13 @@ mod tests {
     /// Places images that are all in use; true if all have moved.
     fn add(allocator: &mut AtlasAllocator, images: impl IntoIterator<Item = (u32, u32)>, limits: Limits) -> bool {
         let new = images.into_iter().map(|(number, side)| (image(number), UVec2::splat(side))).collect();
-        allocator.place(new, limits, |_| true)
+        allocator.place(new, limits, |_| true).all
     }
 
     /// All rectangles lie within the pages and are disjoint.
     fn check(allocator: &AtlasAllocator) {
         let [page, layers] = allocator.pages();
-        let all: Vec<_> = allocator.placed.values().collect();
+        let all: Vec<_> = allocator.placed.values().chain(allocator.second.values()).collect();
         for (i, a) in all.iter().enumerate() {
             assert!(a.layer < layers && (a.corner + a.size).max_element() <= page, "{a:?}");
             for b in &all[..i] {
@@ -273,6 +355,59 @@ mod tests {
         assert!(allocator.pages()[0] == 256 && allocator.pages()[1] <= 2 * before[1], "{:?}", allocator.pages());
         // Images move only after a quarter of the atlas, some ten images, has been released.
         assert!(moves < 3960 / 8, "{moves}");
+    }
+
+    /// The pixels of the last frame are never overwritten, unless all images move.
+    #[test]
+    fn edits_of_an_image_alternate_between_two_rectangles() {
+        // A small image has room for its second rectangle on its page.  For a large one a page is added, once.
+        for (side, all_moves, pages) in [(100, 0, 1), (250, 1, 3)] {
+            let mut allocator = AtlasAllocator::default();
+            add(&mut allocator, [(0, side), (1, 60)], WIDE);
+            let place = |allocator: &AtlasAllocator| allocator.get(image(0)).copied().expect("it has a place");
+            let (mut last, mut moves) = (place(&allocator), 0);
+            for edit in 0..100 {
+                let moved = add(&mut allocator, [(0, side)], WIDE);
+                assert!(moved || place(&allocator) != last, "edit {edit} of an image of {side}");
+                moves += u32::from(moved);
+                last = place(&allocator);
+                check(&allocator);
+            }
+            assert_eq!((moves, allocator.pages()), (all_moves, [256, pages]), "{side}");
+            // With another size, it has one rectangle, until it is edited.
+            add(&mut allocator, [(0, 30)], WIDE);
+            assert!(allocator.second.is_empty() && allocator.images().count() == 2);
+            check(&allocator);
+            assert!(!add(&mut allocator, [(0, 30)], WIDE) && allocator.second.len() == 1);
+            assert!(allocator.release(image(0)) && allocator.second.is_empty());
+        }
+    }
+
+    #[test]
+    fn an_edited_image_keeps_its_rectangle_where_there_is_no_room_for_two() {
+        let mut allocator = AtlasAllocator::default();
+        let limits = Limits { page: 512, layers: 2 };
+        // Four images fit on a page.
+        add(&mut allocator, (0..7).map(|i| (i, 256)), limits);
+        let overwritten = |allocator: &mut AtlasAllocator, number: u32| {
+            let before = allocator.get(image(number)).copied();
+            let moves = allocator.place(vec![(image(number), UVec2::splat(256))], limits, |_| true);
+            check(allocator);
+            assert!(!moves.all);
+            assert_eq!(moves.overwritten.is_empty(), allocator.get(image(number)).copied() != before);
+            moves.overwritten
+        };
+        // One rectangle is left.
+        assert!(overwritten(&mut allocator, 0).is_empty());
+        for _ in 0..2 {
+            assert_eq!(overwritten(&mut allocator, 1), vec![image(1)]);
+            assert_eq!(allocator.left_out(), 0);
+        }
+        assert!(overwritten(&mut allocator, 0).is_empty(), "it has two rectangles");
+        // An image that is new matters more than a second rectangle.
+        assert!(add(&mut allocator, [(7, 256)], limits));
+        assert!(allocator.second.is_empty() && allocator.images().count() == 8);
+        check(&allocator);
     }
 
     #[test]

@@ -1,5 +1,8 @@
 //! Bindless textures: one array of Bevy's own textures, if the device supports arrays of textures (`bound_textures` in
 //! `shaders/scene/bindings.wgsl`).
+//!
+//! Temporal reuse also reads the textures of the last frame.  So an edited image with a new texture gets another index, and the old texture
+//! keeps its index for one more frame.
 
 use bevy::{
     asset::AssetId,
@@ -61,6 +64,8 @@ pub(crate) struct BindlessTextures {
     images: HashMap<AssetId<Image>, BindlessTexture>,
     /// Textures to which Bevy has uploaded an edited image.  It uploads only the finest level, so the other levels are outdated.
     rewritten: HashMap<AssetId<Image>, TextureId>,
+    /// Textures that only the last frame used.
+    retired: Vec<BindlessTexture>,
     /// Free indices below `end`.
     free: Vec<u32>,
     /// All indices in use are below this.
@@ -75,10 +80,17 @@ impl BindlessTextures {
             max_textures,
             images: HashMap::default(),
             rewritten: HashMap::default(),
+            retired: Vec::new(),
             free: Vec::new(),
             end: 0,
             revision: 0,
         }
+    }
+
+    /// Number of textures in the array, with those that only the last frame used.
+    #[cfg(feature = "testing")]
+    pub(crate) fn len(&self) -> usize {
+        self.images.len() + self.retired.len()
     }
 
     pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&BindlessTexture> {
@@ -90,8 +102,17 @@ impl BindlessTextures {
         self.images.get(&id).is_some_and(|stored| stored.texture.id() == texture.id())
     }
 
-    /// Adds an image that is new or changed; a changed image keeps its index.  Returns false, and removes the image, if it has no valid mip
-    /// levels of its own or if the array is full.
+    /// Whether [`Self::insert`] finds that Bevy has overwritten the pixels of the last frame, or has no free index beside theirs.
+    pub(crate) fn loses_pixels(&self, id: AssetId<Image>, image: &GpuImage) -> bool {
+        self.holds(id, &image.texture) || (self.images.contains_key(&id) && self.is_full())
+    }
+
+    fn is_full(&self) -> bool {
+        self.free.is_empty() && self.end >= self.max_textures.get()
+    }
+
+    /// Adds an image that is new or changed.  A changed image gets another index, unless the array is full.  Returns false, and removes the
+    /// image, if it has no valid mip levels of its own or if the array is full.
     pub(crate) fn insert(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
         let texture = &image.texture;
         if self.holds(id, texture) {
@@ -106,17 +127,18 @@ impl BindlessTextures {
     }
 
     fn store(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
-        let index = match self.images.get(&id) {
-            Some(stored) => stored.index,
-            None => match self.free.pop() {
-                Some(index) => index,
-                None if self.end < self.max_textures.get() => {
-                    self.end += 1;
-                    self.end - 1
-                }
+        let index = match self.free.pop() {
+            Some(index) => index,
+            None if !self.is_full() => {
+                self.end += 1;
+                self.end - 1
+            }
+            None => match self.images.remove(&id) {
+                Some(last) => last.index,
                 None => return false,
             },
         };
+        self.retired.extend(self.images.remove(&id));
         let view = image.texture.create_view(&TextureViewDescriptor {
             label: Some("restir bound texture"),
             format: Some(image.view_format()),
@@ -137,9 +159,15 @@ impl BindlessTextures {
 
     fn remove(&mut self, id: AssetId<Image>) -> bool {
         let Some(stored) = self.images.remove(&id) else { return false };
-        self.free.push(stored.index);
+        self.retired.push(stored);
         self.revision += 1;
         true
+    }
+
+    /// Frees the indices that the last frame was the last to use.
+    pub(crate) fn release_retired(&mut self) {
+        self.revision += u64::from(!self.retired.is_empty());
+        self.free.extend(self.retired.drain(..).map(|texture| texture.index));
     }
 
     /// Bind group of the array, with `placeholder` at the free indices.
@@ -151,7 +179,7 @@ impl BindlessTextures {
     ) -> BindGroup {
         // An empty array cannot be bound.
         let mut views = vec![&**placeholder; self.end.max(1) as usize];
-        for stored in self.images.values() {
+        for stored in self.images.values().chain(&self.retired) {
             views[stored.index as usize] = &stored.view;
         }
         device.create_bind_group(

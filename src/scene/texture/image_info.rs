@@ -20,6 +20,17 @@ pub(crate) fn is_color_texture(image: &GpuImage, device: &RenderDevice) -> bool 
         && matches!(kind, Some(TextureSampleType::Float { .. }))
 }
 
+pub(super) fn whole_size(image: &GpuImage) -> UVec2 {
+    UVec2::new(image.texture_descriptor.size.width, image.texture_descriptor.size.height)
+}
+
+/// Size of an image in the atlas.  An image that is larger than a page is divided by an integer, which keeps its aspect ratio; the copy
+/// filters it.
+pub(super) fn size_in_atlas(image: &GpuImage, page: u32) -> UVec2 {
+    let whole = whole_size(image);
+    (whole / whole.max_element().div_ceil(page).max(1)).max(UVec2::ONE)
+}
+
 /// Flags in bits 16 to 31 of the first word of a slot; equal to those in `shaders/scene/texture.wgsl`.
 const CLAMP_U: u32 = 0x10000;
 const MIRROR_U: u32 = 0x20000;

@@ -1,18 +1,25 @@
 //! Makes images readable for shaders (`shaders/scene/texture.wgsl`) in one of two ways.  Shaders wrap and filter both in the same way.
 //!
 //! **Bindless** ([`bindless`](super::bindless)), if the device has arrays of textures: images with their own mip levels, as KTX2 files have.
-//! They need no memory beyond Bevy's copy, keep their precision, and show the mip levels of their author.  When Bevy uploads an edited
-//! image to the old texture, it leaves the coarser levels outdated; such an image moves to the atlas.
+//! They need no memory beyond Bevy's copy, keep their precision, and show the mip levels of their author.  Bevy uploads an edited image to
+//! the old texture if its usage has `COPY_DST`, and leaves the coarser levels outdated; such an image moves to the atlas.
 //!
 //! **In the atlas**: images without mip levels, and all images on other devices.  A compute pass reads every format that a float texture can
 //! have, including compressed ones, and computes the mip levels from the finest one by averaging in linear light.  The atlas has 8-bit RGBA
 //! texels, which is 5.3 bytes per texel of the image with all levels.  Images of float formats are stored with a shared exponent in place
 //! of alpha.  Their own mip levels are ignored.
 //!
+//! **Edited images** get another place: another rectangle or another index.  The old place stays for at least one frame, because temporal
+//! reuse traces the scene of the last frame.  The materials that use an edited image count as edited (`material::materials`), and histories
+//! go on.  Histories restart where the old pixels are lost: where Bevy has overwritten a bound texture, or where there is no room for two
+//! places.
+//!
 //! **Images that the GPU writes** (`RENDER_ATTACHMENT` or `STORAGE_BINDING` among their usages: targets of cameras and compute passes)
 //! count as changed in every frame in which a material uses them, because Bevy does not report when they are written.  The atlas copies
 //! them before the cameras of the frame draw, so they appear one frame late; the copy costs one dispatch per level and 5.3 bytes per texel
-//! in each frame.  Meanwhile frames are not accumulated and no history is kept, as for images that the app edits in every frame.
+//! in each frame.  Meanwhile frames are not accumulated and no history is kept, because their old pixels are lost.
+
+mod places;
 
 use bevy::{
     asset::{AssetId, AssetServer, Assets, RenderAssetUsages},
@@ -20,7 +27,6 @@ use bevy::{
     ecs::{resource::Resource, system::Res, system::ResMut},
     image::Image,
     log::warn,
-    math::UVec2,
     platform::collections::{HashMap, HashSet},
     render::{
         Extract,
@@ -36,13 +42,10 @@ use core::num::NonZeroU32;
 use crate::scene::{
     asset_wait::AssetWait,
     extract::ExtractedScene,
-    storage::allocation,
     texture::atlas::{Atlas, Copier},
     texture::atlas_allocator::{AtlasAllocator, Limits},
     texture::bindless::BindlessTextures,
-    texture::image_info::{
-        BINDLESS, ImageInfo, LEVELS_SHIFT, is_color_texture, is_live, mean_color, warn_of_lost_bits,
-    },
+    texture::image_info::{BINDLESS, ImageInfo, LEVELS_SHIFT, is_color_texture, is_live, mean_color, size_in_atlas},
 };
 use crate::{
     cpu_times::{CpuTimes, Stage},
@@ -89,14 +92,12 @@ pub(crate) struct TexturePool {
     pub visited: u64,
     /// Shaders can read every image in use, or none will become readable.
     pub complete: bool,
-    /// Counts changes of images that the last frame could read, other than their removal.
+    /// Counts the frames in which pixels that the last frame could read were lost.
     pub edit_revision: u64,
 }
 
 /// Largest side of a page of the atlas, texels.
 const MAX_PAGE: u32 = 8192;
-/// Number of frames between two attempts to create an atlas that the device has no memory for.
-const RETRY: u32 = 60;
 
 impl Default for TexturePool {
     fn default() -> Self {
@@ -191,6 +192,7 @@ impl TexturePool {
             ("images", self.info.len()),
             ("rejected images", self.rejected.len()),
             ("changed images", self.changed.len()),
+            ("bound textures", self.bindless.as_ref().map_or(0, BindlessTextures::len)),
             ("warnings of images", self.warned.len() + self.absent.len()),
         ]
     }
@@ -267,10 +269,9 @@ impl TexturePool {
                 self.lost_slot |= had_slot;
             }
         }
-    }
-
-    fn has_slot(&self, id: AssetId<Image>) -> bool {
-        self.allocator.get(id).is_some() || self.bindless.as_ref().is_some_and(|bindless| bindless.get(id).is_some())
+        if let Some(bindless) = &mut self.bindless {
+            bindless.release_retired();
+        }
     }
 
     /// Removes an image from atlas and array; true if it was in one of them.
@@ -313,9 +314,8 @@ impl TexturePool {
         };
         let mut new: Vec<_> = used.iter().filter(|id| is_new(id)).copied().collect();
         new.sort_unstable();
-        self.edit_revision += u64::from(new.iter().any(|id| self.has_slot(*id) && shown.contains(id)));
         moved |= self.reject_unsupported(&mut new, images, device);
-        moved |= self.bind(&mut new, images);
+        moved |= self.bind(&mut new, images, &shown);
         // Images that the GPU writes count as changed in every frame.
         let is_live = |id: &AssetId<Image>| images.get(*id).is_some_and(|i| is_live(i.texture_descriptor.usage));
         let live: Vec<_> = used.iter().filter(|id| is_live(id) && !self.rejected.contains(*id)).copied().collect();
@@ -329,7 +329,7 @@ impl TexturePool {
         }
         let Some(pipeline) = self.copier.pipeline(pipelines, shaders) else { return moved };
         if !new.is_empty() {
-            copied.extend(self.place(&new, &used, images, device));
+            copied.extend(self.place(&new, &used, &shown, images, device));
             moved = true;
         }
         let Some(atlas) = &self.atlas else { return moved };
@@ -392,102 +392,10 @@ impl TexturePool {
         }
         moved
     }
-
-    /// Binds images that have their own mip levels and removes them from the list.  True if a slot has changed.
-    fn bind(&mut self, new: &mut Vec<AssetId<Image>>, images: &RenderAssets<GpuImage>) -> bool {
-        let Some(bindless) = &mut self.bindless else { return false };
-        let before = bindless.revision;
-        new.retain(|id| {
-            let is_bound = images.get(*id).is_some_and(|image| bindless.insert(*id, image));
-            if is_bound {
-                self.allocator.release(*id);
-                self.changed.remove(id);
-            }
-            !is_bound
-        });
-        bindless.revision != before
-    }
-
-    /// Places new and changed images in the atlas, which is replaced if its size must change.  Returns the images to copy.
-    fn place(
-        &mut self,
-        new: &[AssetId<Image>],
-        used: &HashSet<AssetId<Image>>,
-        images: &RenderAssets<GpuImage>,
-        device: &RenderDevice,
-    ) -> Vec<AssetId<Image>> {
-        let limits = limits(device);
-        let ready = || new.iter().filter_map(|id| Some((*id, images.get(*id)?)));
-        for (id, image) in ready() {
-            self.changed.remove(&id);
-            warn_of_lost_bits(image.texture_descriptor.format);
-            if whole_size(image).max_element() > limits.page
-                && self.allocator.get(id).is_none()
-                && self.warned.is_due(id)
-            {
-                warn!("restir: image {id} is larger than {} pixels on a side; it is scaled down", limits.page);
-            }
-        }
-        let sized = ready().map(|(id, image)| (id, size_in_atlas(image, limits.page))).collect();
-        let is_used = |id| used.contains(&id) && images.get(id).is_some();
-        let had_images = self.allocator.images().next().is_some();
-        let all_moved = self.allocator.place(sized, limits, is_used);
-        let left_out = self.allocator.left_out();
-        if left_out > 0 && !self.warned_full {
-            warn!(
-                "restir: {left_out} textures do not fit into the largest texture atlas of this device; materials are rendered without them"
-            );
-            self.warned_full = true;
-        }
-        let [page, layers] = self.allocator.pages();
-        let fits = self.atlas.as_ref().is_some_and(|atlas| atlas.pages() == [page, layers]);
-        if !fits && layers > 0 {
-            // Drops the old atlas first, because the memory may not hold both.
-            self.atlas = None;
-            match allocation::attempt(device, "texture atlas", || Atlas::new(page, layers, device)) {
-                Ok(atlas) => (self.atlas, self.warned_memory) = (Some(atlas), false),
-                Err(error) => {
-                    self.reject_all(&error);
-                    self.edit_revision += u64::from(had_images);
-                    return Vec::new();
-                }
-            }
-        }
-        self.edit_revision += u64::from(all_moved && had_images);
-        if all_moved { self.allocator.images().collect() } else { new.to_vec() }
-    }
-
-    /// Renders materials without the images of the atlas, because the device has no memory for it.
-    fn reject_all(&mut self, error: &str) {
-        let images: Vec<_> = self.allocator.images().collect();
-        if !core::mem::replace(&mut self.warned_memory, true) {
-            warn!(
-                "restir: no memory for the texture atlas; materials are rendered without {} textures: {error}",
-                images.len()
-            );
-        }
-        for id in images {
-            self.allocator.release(id);
-            self.rejected.insert(id);
-            self.without_memory.insert(id);
-        }
-        self.wait = RETRY;
-    }
 }
 
 /// Largest side of a page and largest number of pages.
 fn limits(device: &RenderDevice) -> Limits {
     let limits = device.limits();
     Limits { page: limits.max_texture_dimension_2d.min(MAX_PAGE), layers: limits.max_texture_array_layers }
-}
-
-fn whole_size(image: &GpuImage) -> UVec2 {
-    UVec2::new(image.texture_descriptor.size.width, image.texture_descriptor.size.height)
-}
-
-/// Size of an image in the atlas.  An image that is larger than a page is divided by an integer, which keeps its aspect ratio; the copy
-/// filters it.
-fn size_in_atlas(image: &GpuImage, page: u32) -> UVec2 {
-    let whole = whole_size(image);
-    (whole / whole.max_element().div_ceil(page).max(1)).max(UVec2::ONE)
 }
