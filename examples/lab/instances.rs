@@ -1,4 +1,4 @@
-//! CPU time of a frame by the number of instances: at rest, in motion, and with one more in each frame.
+//! CPU time of a frame by the number of instances: at rest, in motion, and with one that comes or goes in each frame.
 
 use bevy::prelude::*;
 use bevy_restir::{RayBackend, Restir, RestirStatistics, Technique};
@@ -43,6 +43,8 @@ enum Change {
     /// Each of this many instances moves.
     Move(usize),
     Spawn,
+    /// One of the instances goes, and another one comes.
+    Exchange,
 }
 
 const NAME: &str = "instances";
@@ -75,7 +77,7 @@ impl Measured {
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     let own_meshes = |count: u32| count <= args.meshes;
-    let cases: u32 = args.instances.iter().map(|count| if own_meshes(*count) { 6 } else { 5 }).sum();
+    let cases: u32 = args.instances.iter().map(|count| if own_meshes(*count) { 7 } else { 6 }).sum();
     let progress = Progress::new(u64::from(cases * args.frames));
     let (mut columns, mut name) = (Vec::new(), String::new());
     for &count in &args.instances {
@@ -88,13 +90,15 @@ pub fn run(args: &Args) -> Result<(), String> {
             ("1 % in motion", measure(Change::Move(instances.len().div_ceil(100)))?),
             ("all in motion", measure(Change::Move(instances.len()))?),
             ("one more in each frame", measure(Change::Spawn)?),
+            ("one comes and one goes in each frame", measure(Change::Exchange)?),
         ];
         drop(app);
-        cases.push(("a mesh and a material each, at rest", Measured::missing()));
+        let mut at_rest = Measured::missing();
         if own_meshes(count) {
             let (mut app, instances) = crowd(args, count, count)?;
-            cases[5].1 = self::measure(args, &mut app, &instances, Change::Nothing, &progress)?;
+            at_rest = self::measure(args, &mut app, &instances, Change::Nothing, &progress)?;
         }
+        cases.push(("a mesh and a material each, at rest", at_rest));
         columns.push((count.to_string(), cases));
     }
     let mut header = header(name, args.size);
@@ -181,15 +185,27 @@ fn apply(world: &mut World, instances: &[Entity], change: Change, number: u32) {
                 }
             }
         }
-        Change::Spawn => {
-            let first = instances.first().map(|first| world.entity(*first));
-            let Some((mesh, material)) =
-                first.and_then(|e| Some((e.get::<Mesh3d>()?.0.clone(), e.get::<MeshMaterial3d<_>>()?.0.clone())))
-            else {
-                return;
-            };
-            spawn(world, &(mesh, material), number, instances.len() as u32);
+        Change::Spawn => spawn_another(world, instances, number),
+        Change::Exchange => {
+            spawn_another(world, instances, number);
+            // The first one stays, because others look like it.  Those that go are spread like movers.
+            let others = instances.get(1..).unwrap_or_default();
+            let gone = others.get((101 * number as usize) % others.len().max(1));
+            if let Some(gone) = gone
+                && let Ok(entity) = world.get_entity_mut(*gone)
+            {
+                entity.despawn();
+            }
         }
+    }
+}
+
+/// Spawns an instance that looks like the first one.
+fn spawn_another(world: &mut World, instances: &[Entity], number: u32) {
+    let first = instances.first().map(|first| world.entity(*first));
+    let look = first.and_then(|e| Some((e.get::<Mesh3d>()?.0.clone(), e.get::<MeshMaterial3d<_>>()?.0.clone())));
+    if let Some(look) = look {
+        spawn(world, &look, number, instances.len() as u32);
     }
 }
 

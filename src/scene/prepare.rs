@@ -187,13 +187,17 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
     let running = times.measure(Stage::Bodies);
     let uploaded_poses = bodies.deform(meshes, pipelines, device, queue);
     drop(running);
-    // The buffer of nodes grows here, before the nodes of a refitted tree are copied to it.
+    // The buffer of nodes grows here, before parts of the top level are copied to it.
     let running = times.measure(Stage::Lights);
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
     drop(running);
     let mut uploads = Uploads::new(device, queue);
     let running = times.measure(Stage::TopLevel);
-    instances.build_top_level(meshes, bodies, &mut uploads);
+    instances.update_top_level(meshes, bodies, &mut uploads);
+    #[cfg(feature = "testing")]
+    if context.check.is_some() {
+        instances.check_top_level();
+    }
     drop(running);
     let _running = times.measure(Stage::Upload);
     let bytes = meshes.uploaded

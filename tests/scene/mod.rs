@@ -6,6 +6,7 @@ mod bindless_textures;
 mod bodies;
 mod changes;
 mod changing_meshes;
+mod coming_and_going;
 mod corner_copies;
 mod corners;
 mod edits;

@@ -2,5 +2,8 @@
 
 pub mod blas;
 pub mod ray_query;
+#[cfg(any(test, feature = "testing"))]
+pub mod reached;
 pub(crate) mod refit;
 pub mod tlas;
+pub(crate) mod wide_node;

@@ -1,59 +1,20 @@
 //! Fits the boxes of a top-level tree to instances that have moved, which takes a third of the time of a new tree (`docs/experiments.md`,
-//! "Number of instances"), and less if few have.
+//! "Number of instances"), and less if few have.  Instances can also be taken out of the tree.
 //!
-//! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: the [`cost`] measures by how
-//! much.
+//! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: the [cost](Refit::cost) measures
+//! by how much.
 
-use crate::gpu_layout::{NODE_STRIDE, NONE};
+use crate::gpu_layout::NONE;
 use crate::scene::accel::{
     blas::{Bounds, NO_BOUNDS, joined},
     tlas::Tlas,
+    wide_node::{
+        CHILDREN, Child, STRIDE, area, area_of_children, child, child_box, is_empty, remove_leaf, write_boxes,
+    },
 };
 
-const STRIDE: usize = NODE_STRIDE as usize;
-const CHILDREN: usize = 8;
-/// Share of the instances, as its reciprocal.  If more of them have moved, most nodes are due, and all are fitted in one pass.
+/// Share of the instances, as its reciprocal.  If more of them have moved or gone, most nodes are due, and all are fitted in one pass.
 const FEW: usize = 8;
-
-/// A child of a node (`shaders/trace/tree.wgsl` has the layout).
-enum Child {
-    Empty,
-    /// Index of the node.
-    Node(usize),
-    /// Positions of the first primitive and of the one after the last, in the order of the leaves.
-    Leaf(usize, usize),
-}
-
-fn child(node: &[[u32; 4]], slot: usize) -> Child {
-    let inner = node[0][3] >> 24;
-    let code = node[1][2 + slot / 4] >> (8 * (slot % 4)) & 0xff;
-    if inner & 1 << slot != 0 {
-        let before = (inner & ((1 << slot) - 1)).count_ones();
-        return Child::Node((node[1][0] + before) as usize);
-    }
-    let (first, count) = (node[1][1] + (code & 31), (code >> 5).count_ones());
-    if count == 0 { Child::Empty } else { Child::Leaf(first as usize, (first + count) as usize) }
-}
-
-/// Exponent, with its bias of 127, of the least power of two that is at least `extent` / 255.
-fn cell_exponent(extent: f64) -> u32 {
-    if extent <= 0.0 {
-        return 1;
-    }
-    let power_below = ((extent / 255.0).to_bits() >> 52) as i32 - F64_BIAS;
-    let exponent = power_below + i32::from(power_of_two(power_below) * 255.0 < extent);
-    (exponent + 127).clamp(1, 254) as u32
-}
-
-const F64_BIAS: i32 = 1023;
-
-fn power_of_two(exponent: i32) -> f64 {
-    f64::from_bits(((exponent + F64_BIAS) as u64) << 52)
-}
-
-fn cell(exponent: u32) -> f64 {
-    power_of_two(exponent as i32 - 127)
-}
 
 /// The exact boxes of a tree, and the links by which a refit visits only nodes above instances that have moved.
 pub(crate) struct Refit {
@@ -95,14 +56,21 @@ impl Refit {
         new
     }
 
-    /// Fits the tree after the bounds at some places of `instances` have changed.  Returns the nodes that may have changed, in ascending
-    /// order.
-    pub(crate) fn update(&mut self, tree: &mut Tlas, instances: &[(u32, Bounds)], moved: &[u32]) -> Vec<usize> {
-        if FEW * moved.len() > instances.len() {
+    /// Fits the tree after the bounds at the places `moved` of `instances` have changed, and takes the instances at the places `gone` out of
+    /// it.  Returns the nodes that may have changed, in ascending order.
+    pub(crate) fn update(
+        &mut self,
+        tree: &mut Tlas,
+        instances: &[(u32, Bounds)],
+        moved: &[u32],
+        gone: &[u32],
+    ) -> Vec<usize> {
+        gone.iter().for_each(|place| self.remove(tree, *place));
+        if FEW * (moved.len() + gone.len()) > instances.len() {
             self.fit_all(tree, instances);
             return (0..self.boxes.len()).collect();
         }
-        for place in moved {
+        for place in moved.iter().chain(gone) {
             self.is_due[self.leaf_nodes[*place as usize] as usize] = true;
         }
         let mut fitted = Vec::new();
@@ -119,6 +87,17 @@ impl Refit {
         }
         fitted.reverse();
         fitted
+    }
+
+    /// Takes the leaf of an instance out of its node.  The leaf has no other instance.
+    fn remove(&self, tree: &mut Tlas, place: u32) {
+        let Tlas { nodes, order, .. } = tree;
+        let node = &mut nodes[self.leaf_nodes[place as usize] as usize * STRIDE..][..STRIDE];
+        for slot in 0..CHILDREN {
+            if matches!(child(node, slot), Child::Leaf(first, _) if order[first] == place) {
+                remove_leaf(node, slot);
+            }
+        }
     }
 
     fn fit_all(&mut self, tree: &mut Tlas, instances: &[(u32, Bounds)]) {
@@ -148,7 +127,7 @@ impl Refit {
         self.boxes.first().copied().unwrap_or(NO_BOUNDS)
     }
 
-    /// The [`cost`] of the tree.
+    /// Expected number of boxes that a random ray through the tree hits: the areas of all children relative to that of the root.
     pub(crate) fn cost(&self, tree: &Tlas) -> f64 {
         relative_cost(self.areas.iter().copied(), &tree.nodes)
     }
@@ -157,81 +136,6 @@ impl Refit {
 /// Zeros of different signs differ.
 fn bits((low, high): Bounds) -> [[u32; 3]; 2] {
     [low, high].map(|corner| corner.map(f32::to_bits))
-}
-
-/// Planes of the boxes of children are low + q·cell, where q has 8 bits and the cell is a power of two.
-fn write_boxes(node: &mut [[u32; 4]], (low, high): &Bounds, children: &[Bounds; CHILDREN]) {
-    let mut exponents = 0;
-    for k in 0..3 {
-        let origin = f64::from(low[k]);
-        let exponent = cell_exponent(f64::from(high[k]) - origin);
-        exponents |= exponent << (8 * k);
-        // A power of two, so that the product is that of a division.
-        let per_cell = 1.0 / cell(exponent);
-        // Eight low planes in two words, then eight high ones.
-        let mut planes = [0; 4];
-        for (slot, (child_low, child_high)) in children.iter().enumerate() {
-            let place = |x: f32| (f64::from(x) - origin) * per_cell;
-            let shift = 8 * (slot % 4);
-            planes[slot / 4] |= rounded_down(place(child_low[k])) << shift;
-            planes[slot / 4 + 2] |= rounded_up(place(child_high[k])) << shift;
-        }
-        node[2 + k] = planes;
-        node[0][k] = low[k].to_bits();
-    }
-    node[0][3] = node[0][3] & 0xff00_0000 | exponents;
-}
-
-/// The greatest number of 8 bits that is at most `x`, or 0.
-fn rounded_down(x: f64) -> u32 {
-    // The conversion truncates, and takes numbers that are out of range to the nearest one within.
-    (x as u32).min(255)
-}
-
-/// The least number of 8 bits that is at least `x`, or 255.
-fn rounded_up(x: f64) -> u32 {
-    let below = rounded_down(x);
-    (below + u32::from(f64::from(below) < x)).min(255)
-}
-
-/// Low and high corner of the box of a child, as a ray sees it.
-fn child_box(node: &[[u32; 4]], slot: usize) -> [[f64; 3]; 2] {
-    let plane = |k: usize, word: usize| {
-        let q = node[2 + k][word + slot / 4] >> (8 * (slot % 4)) & 0xff;
-        let exponent = node[0][3] >> (8 * k) & 0xff;
-        f64::from(f32::from_bits(node[0][k])) + f64::from(q) * cell(exponent)
-    };
-    [0, 2].map(|word| core::array::from_fn(|k| plane(k, word)))
-}
-
-/// Half of the area of a box.
-fn area([low, high]: [[f64; 3]; 2]) -> f64 {
-    let [x, y, z]: [f64; 3] = core::array::from_fn(|k| (high[k] - low[k]).max(0.0));
-    x * y + y * z + z * x
-}
-
-/// The areas of the children of a node, half of each.
-fn area_of_children(node: &[[u32; 4]]) -> f64 {
-    // Sums of the faces in cells: whole numbers, which need no decoding of the planes.
-    let mut faces = [0; 3];
-    for slot in (0..CHILDREN).filter(|slot| !is_empty(node, *slot)) {
-        let plane = |k: usize, word: usize| node[2 + k][word + slot / 4] >> (8 * (slot % 4)) & 0xff;
-        let [x, y, z]: [u32; 3] = core::array::from_fn(|k| plane(k, 2).saturating_sub(plane(k, 0)));
-        faces = [faces[0] + x * y, faces[1] + y * z, faces[2] + z * x];
-    }
-    let [x, y, z]: [f64; 3] = core::array::from_fn(|k| cell(node[0][3] >> (8 * k) & 0xff));
-    let [xy, yz, zx] = faces.map(f64::from);
-    xy * x * y + yz * y * z + zx * z * x
-}
-
-fn is_empty(node: &[[u32; 4]], slot: usize) -> bool {
-    let code = node[1][2 + slot / 4] >> (8 * (slot % 4)) & 0xff;
-    node[0][3] >> (24 + slot) & 1 == 0 && code >> 5 == 0
-}
-
-/// Expected number of boxes that a random ray through the tree hits: the areas of all children relative to that of the root.
-pub(crate) fn cost(nodes: &[[u32; 4]]) -> f64 {
-    relative_cost(nodes.chunks_exact(STRIDE).map(area_of_children), nodes)
 }
 
 /// `areas`: those of the children, by node.
@@ -249,7 +153,7 @@ fn relative_cost(areas: impl Iterator<Item = f64>, nodes: &[[u32; 4]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::accel::tlas::build_tlas;
+    use crate::scene::accel::{reached::Reached, tlas::build_tlas, wide_node::Node};
 
     /// Numbers in 0..1 without a pattern.
     fn random(count: usize, seed: u32) -> Vec<f32> {
@@ -262,6 +166,10 @@ mod tests {
         (0..count).map(|_| next()).collect()
     }
 
+    fn cost(nodes: &[[u32; 4]]) -> f64 {
+        relative_cost(nodes.chunks_exact(STRIDE).map(area_of_children), nodes)
+    }
+
     fn boxes(count: usize, seed: u32, scale: f32, size: f32) -> Vec<(u32, Bounds)> {
         let numbers = random(6 * count, seed);
         let at = |c: &[f32], k: usize| (c[k] - 0.5) * scale;
@@ -271,41 +179,16 @@ mod tests {
         numbers.chunks_exact(6).enumerate().map(|(i, c)| (7 * i as u32, bounds(c))).collect()
     }
 
-    fn contains(outer: &[[f64; 3]; 2], inner: &Bounds) -> bool {
-        (0..3).all(|k| outer[0][k] <= f64::from(inner.0[k]) && f64::from(inner.1[k]) <= outer[1][k])
-    }
-
-    /// Asserts that the boxes of all nodes enclose their primitives, and counts these.
-    fn enclosed(
-        nodes: &[[u32; 4]],
-        index: usize,
-        within: &[[f64; 3]; 2],
-        bounds_at: &impl Fn(usize) -> Bounds,
-    ) -> usize {
-        let node = &nodes[index * STRIDE..][..STRIDE];
-        (0..CHILDREN)
-            .map(|slot| match child(node, slot) {
-                Child::Empty => 0,
-                Child::Node(child) => {
-                    let seen = child_box(node, slot);
-                    enclosed(nodes, child, &seen, bounds_at)
-                }
-                Child::Leaf(first, end) => {
-                    let seen = child_box(node, slot);
-                    (first..end)
-                        .for_each(|i| assert!(contains(&seen, &bounds_at(i)) && contains(within, &bounds_at(i))));
-                    end - first
-                }
-            })
-            .sum()
+    /// Asserts that rays reach these instances, and no others, through boxes that enclose them.
+    fn assert_holds(tree: &Tlas, instances: &[(u32, Bounds)]) {
+        let node_at = |index: u32| -> Node { core::array::from_fn(|i| tree.nodes[index as usize * STRIDE + i]) };
+        Reached::new(Some(0), node_at, |place| tree.indices[place / 4][place % 4]).assert_holds(instances);
     }
 
     fn refitted(tree: &Tlas, moved: &[(u32, Bounds)]) -> Vec<[u32; 4]> {
         let mut tree = tree.clone();
         let refit = Refit::new(&mut tree, moved);
-        let bounds_at = |position: usize| moved[tree.order[position] as usize].1;
-        let everything = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
-        assert_eq!(enclosed(&tree.nodes, 0, &everything, &bounds_at), moved.len());
+        assert_holds(&tree, moved);
         assert_eq!(refit.cost(&tree), cost(&tree.nodes));
         tree.nodes
     }
@@ -354,7 +237,7 @@ mod tests {
                     moved.push(place as u32);
                 }
                 let before = tree.nodes.clone();
-                let fitted = refit.update(&mut tree, &instances, &moved);
+                let fitted = refit.update(&mut tree, &instances, &moved, &[]);
                 let mut all = tree.clone();
                 let complete = Refit::new(&mut all, &instances);
                 assert!(tree.nodes == all.nodes, "{movers} of {count}, round {round}");
@@ -374,20 +257,36 @@ mod tests {
         let (low, high) = &mut instances[777].1;
         low[0] += 0.5;
         high[0] += 0.5;
-        let fitted = refit.update(&mut tree, &instances, &[777]);
+        let fitted = refit.update(&mut tree, &instances, &[777], &[]);
         assert!((1..=10).contains(&fitted.len()), "{} nodes", fitted.len());
-        assert_eq!(refit.update(&mut tree, &instances, &[777]).len(), 1, "nothing has changed");
+        assert_eq!(refit.update(&mut tree, &instances, &[777], &[]).len(), 1, "nothing has changed");
     }
 
     #[test]
-    fn cells_are_the_least_powers_of_two_that_span_a_box() {
-        for (extent, power) in [(255.0, 0), (255.000_000_1, 1), (254.999_999_9, 0), (510.0, 1), (128.0, 0), (127.0, -1)]
-        {
-            assert_eq!(cell_exponent(extent) as i32 - 127, power, "{extent}");
+    fn instances_that_are_taken_out_are_not_reached_and_leave_boxes_that_fit_the_rest() {
+        for count in [1, 2, 9, 500, 3000] {
+            let mut instances = boxes(count, 6, 100.0, 1.0);
+            let mut tree = build_tlas(&instances);
+            let mut refit = Refit::new(&mut tree, &instances);
+            let mut rest: Vec<u32> = (0..count as u32).collect();
+            for round in 0.. {
+                // Few go at first, and many at last; some of the others move.
+                let many = (1 + round * round / 2).min(rest.len());
+                let gone: Vec<u32> = (0..many).map(|i| rest.swap_remove(131 * (i + round) % rest.len())).collect();
+                let moved: Vec<u32> = rest.iter().copied().skip(round).take(round % 4).collect();
+                for place in &moved {
+                    instances[*place as usize].1 = boxes(1, *place + round as u32, 120.0, 1.0)[0].1;
+                }
+                refit.update(&mut tree, &instances, &moved, &gone);
+                let left: Vec<_> = rest.iter().map(|place| instances[*place as usize]).collect();
+                assert_holds(&tree, &left);
+                assert_eq!(refit.bounds(), left.iter().map(|(_, bounds)| *bounds).fold(NO_BOUNDS, joined));
+                assert_eq!(refit.cost(&tree), cost(&tree.nodes));
+                assert!(tree.nodes.iter().flatten().all(|word| *word != f32::INFINITY.to_bits()), "round {round}");
+                if rest.is_empty() {
+                    break;
+                }
+            }
         }
-        assert_eq!([cell_exponent(0.0), cell_exponent(1e-45), cell_exponent(1e300)], [1, 1, 254]);
-        let rounded =
-            [-1.0, 0.0, 0.5, 254.5, 1e9, f64::INFINITY, f64::NEG_INFINITY].map(|x| (rounded_down(x), rounded_up(x)));
-        assert_eq!(rounded, [(0, 0), (0, 0), (0, 1), (254, 255), (255, 255), (255, 255), (0, 0)]);
     }
 }

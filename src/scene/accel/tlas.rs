@@ -24,8 +24,9 @@ pub struct Tlas {
 pub fn build_tlas(instances: &[(u32, Bounds)]) -> Tlas {
     let valid: Vec<&(u32, Bounds)> = instances.iter().filter(|(_, b)| is_valid(b)).collect();
     let boxes: Vec<Bounds> = valid.iter().map(|(_, bounds)| *bounds).collect();
-    // Leaves have one instance each: a ray that enters an instance has more to do than a test of its box.
-    let Some(tree) = build_tree(&boxes, BvhBuildParams::very_fast_build(), 1, MAX_TLAS_DEPTH) else {
+    // Leaves have one instance each: a ray that enters an instance has more to do than a test of its box.  One level is that of the root
+    // above two trees.
+    let Some(tree) = build_tree(&boxes, BvhBuildParams::very_fast_build(), 1, MAX_TLAS_DEPTH - 1) else {
         return Tlas::default();
     };
     let mut indices = vec![[0; 4]; tree.order.len().div_ceil(4)];

@@ -5,75 +5,88 @@ use std::ops::Range;
 
 use crate::gpu_layout::*;
 use crate::scene::{
-    accel::blas::bake,
-    accel::tlas::Tlas,
-    geometry::meshes::MeshPool,
+    geometry::{joined_trees::JoinedTrees, meshes::MeshPool},
     storage::{dirty_runs::joined_runs, uploads::Uploads},
 };
 
-const STRIDE: usize = NODE_STRIDE as usize;
+/// Least room for the tree over newcomers, once there is one, in units of a node: 20 KB.
+const MIN_ROOM: u32 = 256;
 
-/// A top-level tree in the node buffer.
+/// A top level in the node buffer.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GpuTlas {
-    /// Range of the nodes and of the packed instance indices behind them.
     pub range: Range<u32>,
-    nodes: u32,
+    /// Index of the root node; `None` for an empty tree.
+    root: Option<u32>,
+    /// Place of the list of entries, in units of a node.
+    list: u32,
 }
 
 impl GpuTlas {
-    /// Writes a tree to the node buffer and returns it with the number of bytes sent; `None` if the device has no room.
+    /// Writes trees to the node buffer and returns them with the number of bytes sent; `None` if the device has no room.  `room`: that of
+    /// the tree over newcomers, in units of a node.
     pub(crate) fn write(
-        tlas: &Tlas,
+        trees: &JoinedTrees,
+        room: u32,
         meshes: &mut MeshPool,
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> Option<(Self, u64)> {
-        let nodes = (tlas.nodes.len() / STRIDE) as u32;
-        let mut words: Vec<[u32; 4]> = tlas.nodes.iter().chain(&tlas.indices).copied().collect();
-        let count = (words.len() as u32).div_ceil(NODE_STRIDE);
-        words.resize(count as usize * STRIDE, [0; 4]);
+        let count = trees.end().max(trees.newcomers_start() + room as usize);
+        let count = if trees.end() == 0 { 0 } else { count as u32 };
         let range = meshes.allocate_nodes(count, device, queue)?;
-        bake(&mut words[..tlas.nodes.len()], range.start, 0);
-        let bytes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
-        Some((Self { range, nodes }, bytes))
+        let units: Vec<_> = (0..trees.end()).map(|unit| trees.unit(unit, range.start)).collect();
+        let bytes = meshes.nodes.write(range.start, &units, queue);
+        let mut new = Self { range, root: None, list: 0 };
+        new.point_to(trees);
+        Some((new, bytes))
     }
 
-    /// Writes some nodes, in ascending order, of a tree with the topology of this one.  Returns the number of bytes sent.
-    fn write_nodes(&self, tlas: &Tlas, nodes: &[usize], meshes: &MeshPool, uploads: &mut Uploads) -> u64 {
-        let mut runs = joined_runs(nodes.iter().copied());
-        let mut words: Vec<[u32; 4]> = Vec::new();
-        for run in &runs {
-            words.extend_from_slice(&tlas.nodes[run.start * STRIDE..run.end * STRIDE]);
-        }
-        bake(&mut words, self.range.start, 0);
+    /// Writes some units, in ascending order, of trees that have room in this range and whose main tree has the topology of that here.  Returns
+    /// the number of bytes sent.
+    fn write_units(&mut self, trees: &JoinedTrees, units: &[usize], meshes: &MeshPool, uploads: &mut Uploads) -> u64 {
+        let mut runs = joined_runs(units.iter().copied());
+        let units: Vec<_> = runs.iter().cloned().flatten().map(|unit| trees.unit(unit, self.range.start)).collect();
         let first = self.range.start as usize;
         runs.iter_mut().for_each(|run| *run = first + run.start..first + run.end);
-        meshes.nodes.write_packed(&runs, bytemuck::cast_slice(&words), uploads)
+        self.point_to(trees);
+        meshes.nodes.write_packed(&runs, &units, uploads)
+    }
+
+    fn point_to(&mut self, trees: &JoinedTrees) {
+        self.root = trees.root(self.range.start);
+        self.list = self.range.start + trees.list_start() as u32;
+    }
+
+    fn has_room_for(&self, trees: &JoinedTrees) -> bool {
+        trees.end() <= self.range.len()
     }
 
     /// Index of the root node, or `NONE` for an empty tree.
     pub(crate) fn root(&self) -> u32 {
-        if self.nodes == 0 { NONE } else { self.range.start }
+        self.root.unwrap_or(NONE)
     }
 
-    /// Position of the instance indices in the node buffer, in elements of 16 bytes.
+    /// Position of the list of entries in the node buffer, in elements of 16 bytes.
     pub(crate) fn indices(&self) -> u32 {
-        (self.range.start + self.nodes) * NODE_STRIDE
+        self.list * NODE_STRIDE
     }
 }
 
-/// The top levels of this frame and of the last one.  Two copies of a tree that is refitted take turns, and each gets the nodes that have
-/// changed since its own last turn.
+/// The top levels of this frame and of the last one.  As long as the main tree keeps its topology, two copies take turns, and each gets what
+/// has changed since its own last turn.
 #[derive(Debug, Default)]
 pub(super) struct TlasPair {
     current: GpuTlas,
-    /// The tree that `current` has replaced.
+    /// The top level that `current` has replaced.
     replaced: Option<GpuTlas>,
-    /// The nodes whose contents differ between `replaced` and `current`; `None` if the two have different topologies.
+    /// The units whose contents differ between `replaced` and `current`, in ascending order; `None` if the main trees of the two have
+    /// different topologies.
     differences: Option<Vec<usize>>,
     /// `replaced` is the top level of the last frame.  Otherwise both frames have `current`.
     is_replaced_now: bool,
+    /// Room of the next copy for the tree over newcomers, in units.
+    room: u32,
 }
 
 impl TlasPair {
@@ -91,32 +104,31 @@ impl TlasPair {
         }
     }
 
-    /// Writes a new tree.  Returns the number of bytes sent; `None` if the device has no room.
-    pub(super) fn replace(
-        &mut self,
-        tlas: &Tlas,
-        meshes: &mut MeshPool,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> Option<u64> {
+    /// Writes trees of which the main one is new.  Returns the number of bytes sent; `None` if the device has no room.
+    pub(super) fn replace(&mut self, trees: &JoinedTrees, meshes: &mut MeshPool, uploads: &Uploads) -> Option<u64> {
         self.differences = None;
         self.release_replaced(meshes);
-        let (fresh, bytes) = GpuTlas::write(tlas, meshes, device, queue)?;
+        let needed = (trees.end() - trees.newcomers_start().min(trees.end())) as u32;
+        let wanted = (2 * needed).max(MIN_ROOM);
+        if needed > self.room || self.room > wanted {
+            self.room = wanted;
+        }
+        let (fresh, bytes) = GpuTlas::write(trees, self.room, meshes, uploads.device, uploads.queue)?;
         self.turn_to(fresh);
         Some(bytes)
     }
 
-    /// Writes the tree of `current`, some nodes of which have changed, in ascending order.  Returns the number of bytes sent; `None` if the
-    /// device has no room.
-    pub(super) fn refit(
+    /// Writes trees that differ from those of `current` in some units, which are in ascending order.  Returns the number of bytes sent; `None`
+    /// if the device has no room.
+    pub(super) fn update(
         &mut self,
-        tlas: &Tlas,
+        trees: &JoinedTrees,
         changed: Vec<usize>,
         meshes: &mut MeshPool,
         uploads: &mut Uploads,
     ) -> Option<u64> {
-        let Some(old) = self.replaced.take_if(|_| self.differences.is_some()) else {
-            let bytes = self.replace(tlas, meshes, uploads.device, uploads.queue)?;
+        let Some(mut old) = self.replaced.take_if(|old| self.differences.is_some() && old.has_room_for(trees)) else {
+            let bytes = self.replace(trees, meshes, uploads)?;
             self.differences = Some(changed);
             return Some(bytes);
         };
@@ -125,7 +137,9 @@ impl TlasPair {
         // Two sorted lists, which this sort merges.
         missing.sort();
         missing.dedup();
-        let bytes = old.write_nodes(tlas, &missing, meshes, uploads);
+        // The tree over newcomers may have been larger.
+        missing.truncate(missing.partition_point(|unit| *unit < trees.end()));
+        let bytes = old.write_units(trees, &missing, meshes, uploads);
         self.turn_to(old);
         self.differences = Some(changed);
         Some(bytes)

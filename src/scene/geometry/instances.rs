@@ -40,6 +40,9 @@ use crate::scene::{
 use crate::warned::Warned;
 use problems::InstanceProblem;
 
+/// Share of the instances, as its reciprocal.  If more of them have come since the last sort, they are sorted.
+const SORT_SHARE: usize = 8;
+
 /// The instances of the scene.
 #[derive(Resource)]
 pub(crate) struct InstancePool {
@@ -383,9 +386,14 @@ impl InstancePool {
         self.live.iter().enumerate().filter_map(|(slot, live)| Some((slot as u32, live.as_ref()?)))
     }
 
-    /// Brings the list of [`Self::in_order`] up to date.
-    fn sort(&mut self) {
-        if self.newcomers.is_empty() && self.order.len() as u64 == self.totals.instances {
+    /// Whether the list of [`Self::in_order`] is up to date.
+    fn is_sorted(&self) -> bool {
+        self.newcomers.is_empty() && self.order.len() as u64 == self.totals.instances
+    }
+
+    /// Brings the list of [`Self::in_order`] up to date.  It looks at all instances, so frames that do not need the list leave it as it is.
+    pub(super) fn sort(&mut self) {
+        if self.is_sorted() {
             return;
         }
         let live = &self.live;
@@ -400,8 +408,9 @@ impl InstancePool {
         self.order.dedup();
     }
 
-    /// The live instances with their slots, in the order of their entities, once the top level has begun its frame.
+    /// The live instances with their slots, in the order of their entities.  Call [`Self::sort`] before.
     pub(super) fn in_order(&self) -> impl Iterator<Item = (u32, &LiveInstance)> {
+        debug_assert!(self.is_sorted());
         self.order.iter().filter_map(|(_, slot)| Some((*slot, self.live_in(*slot)?)))
     }
 
@@ -423,16 +432,19 @@ impl InstancePool {
         core::mem::take(&mut self.changed_emitters)
     }
 
-    /// Rebuilds the top level if any bounds changed.
-    pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, bodies: &BodyPool, uploads: &mut Uploads) {
+    /// Brings the top level up to date.
+    pub(crate) fn update_top_level(&mut self, meshes: &mut MeshPool, bodies: &BodyPool, uploads: &mut Uploads) {
         let mut top = core::mem::take(&mut self.top);
         top.begin_frame();
-        self.sort();
-        let was_rebuilt = match top.structures.is_some() {
+        // The device's own trees need the list in each frame.  For others, newcomers wait until they are many.
+        if top.structures.is_some() || SORT_SHARE * self.newcomers.len() > self.order.len() {
+            self.sort();
+        }
+        let has_changed = match top.structures.is_some() {
             true => top.update_structures(self, meshes, bodies, uploads.device, uploads.queue),
-            false => top.rebuild(self, meshes, uploads),
+            false => top.update(self, meshes, uploads),
         };
-        self.motion_revision += u64::from(was_rebuilt);
+        self.motion_revision += u64::from(has_changed);
         self.top = top;
     }
 

@@ -1,4 +1,4 @@
-//! The top-level tree over the instances that rays can hit, of this frame and of the last one.
+//! The top-level trees over the instances that rays can hit, of this frame and of the last one.
 
 #[cfg(feature = "testing")]
 mod check;
@@ -11,14 +11,13 @@ use bevy::{
 
 use std::ops::Range;
 
-use crate::gpu_layout::{INSTANCE_ALPHA, NODE_STRIDE, NONE, WORLD_TREE};
+use crate::gpu_layout::{INSTANCE_ALPHA, NONE};
 use crate::scene::{
     accel::blas::{Bounds, joined},
     accel::ray_query::{AccelerationStructures, Placed},
-    accel::refit::{self, Refit},
-    accel::tlas::{self, Tlas},
     geometry::bodies::BodyPool,
     geometry::gpu_tlas::TlasPair,
+    geometry::instance_trees::{Change, InstanceTrees},
     geometry::meshes::MeshPool,
     geometry::world_tree::RestingInstances,
     geometry::{instance_record::LiveInstance, instances::InstancePool},
@@ -28,27 +27,14 @@ use crate::scene::{
 #[cfg(feature = "testing")]
 pub use check::{TopLevels, read_top_levels};
 
-/// Cost of a tree that is refitted, relative to its cost when it was built, beyond which it is built again.
-const MAX_COST: f64 = 1.2;
-
 /// The top level.
 #[derive(Default)]
 pub(crate) struct TopLevel {
-    /// The tree has lost or gained an instance since it was built.
-    changed: bool,
-    /// Slots of instances in the tree whose bounds have changed in this frame.
-    moved: Vec<u32>,
-    /// Entries of the tree with their world bounds: slots of instances, in the order of their entities, and the tree over those that rest.
-    bounds: Vec<(u32, Bounds)>,
-    /// Memory for the bounds of the next tree.
-    new_bounds: Vec<(u32, Bounds)>,
-    /// Places of instances in `bounds`, by slot; `NONE` for slots that the tree does not have.
-    places: Vec<u32>,
-    /// The tree, and its cost when it was built.
-    tree: Tlas,
-    built_cost: f64,
-    /// `None` until an instance moves.
-    refit: Option<Refit>,
+    /// Slots of instances that have come, moved or gone in this frame, as far as rays can hit them.
+    changed: Vec<u32>,
+    trees: InstanceTrees,
+    /// The device had no room for the trees, so that the next frame builds them again.
+    is_missing: bool,
     gpu: TlasPair,
     /// The instances that rest, which have a tree of their own.
     pub(super) resting: RestingInstances,
@@ -97,9 +83,9 @@ fn placed(
 }
 
 impl TopLevel {
-    /// A top level that we build.  `waits`: pictures must be repeatable, so frames wait for the tree over instances that rest.
+    /// A top level that we build.  `waits`: pictures must be repeatable, so frames wait for trees that are built in the background.
     pub(crate) fn for_software_rays(waits: bool) -> Self {
-        Self { resting: RestingInstances::new(waits), ..Default::default() }
+        Self { resting: RestingInstances::new(waits), trees: InstanceTrees::new(waits), ..Default::default() }
     }
 
     /// A top level that the device builds.
@@ -117,99 +103,91 @@ impl TopLevel {
         self.previous_sphere = (self.center, self.radius);
     }
 
-    /// Takes note of an instance whose bounds in the tree were `before` and are `after`; `None` where it is not in the tree.
+    /// Takes note of an instance whose bounds in the trees were `before` and are `after`; `None` where it is not in them.
     pub(super) fn note(&mut self, slot: u32, before: Option<Bounds>, after: Option<Bounds>) {
-        if before.is_some() != after.is_some() {
-            self.changed = true;
-        } else if before != after {
-            self.moved.push(slot);
+        if before != after {
+            self.changed.push(slot);
         }
     }
 
-    /// Refits or rebuilds the tree if its entries or their bounds changed.  Returns whether an instance appeared, disappeared or moved; another
-    /// grouping of instances at rest does not count.  The tree of the last frame stays on the GPU for one frame.
-    pub(super) fn rebuild(&mut self, instances: &InstancePool, meshes: &mut MeshPool, uploads: &mut Uploads) -> bool {
-        let (device, queue) = (uploads.device, uploads.queue);
+    /// Lets the trees follow the instances.  Returns whether one appeared, disappeared or moved; another grouping of instances does not count.
+    /// The trees of the last frame stay on the GPU for one frame.
+    pub(super) fn update(
+        &mut self,
+        instances: &mut InstancePool,
+        meshes: &mut MeshPool,
+        uploads: &mut Uploads,
+    ) -> bool {
         self.gpu.begin_frame(meshes);
         self.outdated.drain(..).for_each(|range| meshes.release_nodes(range));
-        let (is_regrouped, uploaded) = self.resting.update(instances, meshes, device, queue);
+        let (is_regrouped, uploaded) = self.resting.update(instances, meshes, uploads.device, uploads.queue);
         self.uploaded_nodes = uploaded;
-        let scene_changed = self.changed || !self.moved.is_empty();
-        // A tree that lacks instances is not refitted.
-        self.changed |= is_regrouped || self.tree.order.len() != self.bounds.len();
-        let (is_outdated, refitted) = match self.changed {
-            true => (self.update_bounds(instances), None),
-            false => self.refit(instances),
-        };
-        if !is_outdated {
-            return false;
+        let changed = core::mem::take(&mut self.changed);
+        // The trees on the GPU lack changes of earlier frames.
+        let was_missing = self.is_missing;
+        let change = self.follow(&changed, is_regrouped, instances);
+        let has_changed = change != Change::Nothing;
+        if has_changed {
+            self.set_sphere(self.trees.bounds());
+            self.send(change, meshes, uploads);
         }
-        let sent = match refitted {
-            Some(nodes) => self.gpu.refit(&self.tree, nodes, meshes, uploads),
-            None => {
-                self.build();
-                self.gpu.replace(&self.tree, meshes, device, queue)
+        if self.trees.needs_main_tree() {
+            instances.sort();
+            let entries = self.entries(instances).collect();
+            self.trees.build_main_tree(entries);
+        }
+        has_changed && !self.is_missing && (was_missing || !changed.is_empty())
+    }
+
+    /// Brings the trees up to date on the CPU.
+    fn follow(&mut self, changed: &[u32], is_regrouped: bool, instances: &mut InstancePool) -> Change {
+        if !is_regrouped && !core::mem::take(&mut self.is_missing) {
+            let resting = &self.resting;
+            let bounds_in = |slot: u32| {
+                let single = instances.live_in(slot).filter(|_| !resting.contains(slot));
+                single.and_then(LiveInstance::traced_bounds)
+            };
+            if let Some(change) = self.trees.update(changed, bounds_in) {
+                return change;
             }
+        }
+        instances.sort();
+        let entries = self.entries(instances).collect();
+        self.trees.rebuild(entries);
+        Change::All
+    }
+
+    /// The entries of the trees: the instances in the order of their entities, and the tree over those that rest.
+    fn entries(&self, instances: &InstancePool) -> impl Iterator<Item = (u32, Bounds)> {
+        let single = instances.in_order().filter(move |(slot, _)| !self.resting.contains(*slot));
+        single.filter_map(|(slot, live)| Some((slot, live.traced_bounds()?))).chain(self.resting.entry())
+    }
+
+    /// Sends what has changed to the GPU, if there is room.
+    fn send(&mut self, change: Change, meshes: &mut MeshPool, uploads: &mut Uploads) {
+        let trees = self.trees.joined();
+        let sent = match change {
+            Change::Nothing => return,
+            Change::Parts { nodes, newcomers } => {
+                let units = trees.changed_units(&nodes, newcomers);
+                self.gpu.update(&trees, units, meshes, uploads)
+            }
+            Change::All => self.gpu.replace(&trees, meshes, uploads),
         };
+        self.is_missing = sent.is_none();
         let Some(bytes) = sent else {
             warn_once!(
                 "restir: the top-level tree over {} instances does not fit this device; rays use the last tree that fit",
-                self.bounds.len()
+                self.trees.len()
             );
-            // The next frame tries again: memory may have become free.
-            self.bounds.clear();
-            self.changed = true;
-            return false;
+            return;
         };
         self.uploaded_nodes += bytes;
         self.outdated = self.resting.take_outdated();
-        scene_changed
     }
 
-    /// Builds the tree over `bounds`.
-    fn build(&mut self) {
-        self.tree = tlas::build_tlas(&self.bounds);
-        self.built_cost = refit::cost(&self.tree.nodes);
-        self.refit = None;
-        self.places.clear();
-        for (place, (slot, _)) in self.bounds.iter().enumerate().filter(|(_, (slot, _))| slot & WORLD_TREE == 0) {
-            if self.places.len() <= *slot as usize {
-                self.places.resize(*slot as usize + 1, NONE);
-            }
-            self.places[*slot as usize] = place as u32;
-        }
-    }
-
-    /// Fits the tree to instances that have moved.  Returns whether any has, and the nodes that may have changed; `None` if the tree is not
-    /// good any more.
-    fn refit(&mut self, instances: &InstancePool) -> (bool, Option<Vec<usize>>) {
-        let mut moved = Vec::with_capacity(self.moved.len());
-        for slot in self.moved.drain(..) {
-            let place = self.places.get(slot as usize).copied().unwrap_or(NONE);
-            let known = self.bounds.get_mut(place as usize);
-            let new = instances.live_in(slot).and_then(LiveInstance::traced_bounds);
-            if let (Some((_, bounds)), Some(new)) = (known, new)
-                && *bounds != new
-            {
-                *bounds = new;
-                moved.push(place);
-            }
-        }
-        if moved.is_empty() {
-            return (false, None);
-        }
-        let all_nodes = 0..self.tree.nodes.len() / NODE_STRIDE as usize;
-        let (refit, nodes) = match self.refit.take() {
-            Some(mut refit) => {
-                let nodes = refit.update(&mut self.tree, &self.bounds, &moved);
-                (refit, nodes)
-            }
-            None => (Refit::new(&mut self.tree, &self.bounds), all_nodes.collect()),
-        };
-        (self.center, self.radius) = bounding_sphere(refit.bounds());
-        let is_good = refit.cost(&self.tree) <= MAX_COST * self.built_cost;
-        self.refit = Some(refit);
-        (true, is_good.then_some(nodes))
+    fn set_sphere(&mut self, all: Option<Bounds>) {
+        (self.center, self.radius) = all.map_or_else(Default::default, bounding_sphere);
     }
 
     /// Rebuilds the device's own acceleration structures if an instance changed, and returns whether it did.
@@ -221,7 +199,9 @@ impl TopLevel {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        self.update_bounds(instances);
+        if !core::mem::take(&mut self.changed).is_empty() {
+            self.set_sphere(self.entries(instances).map(|(_, bounds)| bounds).reduce(joined));
+        }
         if instances.visited > 0 {
             self.placed.clear();
             let traced = instances.in_order().filter(|(_, live)| live.ray_mask != 0);
@@ -251,26 +231,6 @@ impl TopLevel {
         let versions = meshes.versions().into_iter().chain(bodies.versions()).collect::<HashSet<_>>();
         structures.retain(|mesh| versions.contains(&mesh));
         self.uploaded_nodes > 0
-    }
-
-    /// Takes over the bounds of all instances of this frame and returns whether any changed.
-    fn update_bounds(&mut self, instances: &InstancePool) -> bool {
-        let has_moved = !self.moved.is_empty();
-        self.moved.clear();
-        if !core::mem::take(&mut self.changed) && !has_moved {
-            return false;
-        }
-        self.new_bounds.clear();
-        let single = instances.in_order().filter(|(slot, _)| !self.resting.contains(*slot));
-        self.new_bounds.extend(single.filter_map(|(slot, live)| Some((slot, live.traced_bounds()?))));
-        self.new_bounds.extend(self.resting.entry());
-        let changed = self.new_bounds != self.bounds;
-        if changed {
-            core::mem::swap(&mut self.bounds, &mut self.new_bounds);
-            let all = self.bounds.iter().map(|(_, bounds)| *bounds).reduce(joined);
-            (self.center, self.radius) = all.map_or_else(Default::default, bounding_sphere);
-        }
-        changed
     }
 
     /// Root and position of the instance indices for the top level of this frame, then for that of the last frame.

@@ -12,7 +12,6 @@ use bevy::{
     mesh::Mesh,
     platform::collections::{HashMap, HashSet},
     render::renderer::{RenderDevice, RenderQueue},
-    tasks::{AsyncComputeTaskPool, Task, block_on, futures::check_ready},
 };
 use std::ops::Range;
 
@@ -22,6 +21,7 @@ use crate::gpu_layout::{
 use crate::scene::{
     accel::blas::{Bounds, bake, build_triangle_tree, joined},
     geometry::{
+        background::{BUILD_FRAMES, Background},
         instance_record::LiveInstance,
         instances::InstancePool,
         meshes::{MeshEntry, MeshPool},
@@ -32,8 +32,6 @@ use crate::scene::{
 const MAX_TRIANGLES: usize = 1 << 18;
 /// Scenes with more instances have no such tree: choosing among them would take too long.
 const MAX_INSTANCES: u64 = 1 << 14;
-/// Frames between the start of a build and the use of its tree, where pictures must be repeatable.
-const BUILD_FRAMES: u64 = 8;
 /// Frames in which an instance must not have moved.
 const REST_FRAMES: u64 = 64;
 /// Greatest number of frames before the next build.  The wait doubles after each tree that was given up early.
@@ -136,10 +134,8 @@ impl Members {
 }
 
 struct Pending {
-    task: Task<Option<WorldTree>>,
+    build: Background<Option<WorldTree>>,
     members: Members,
-    /// The frame in which the tree is used, where pictures must be repeatable.
-    due: u64,
 }
 
 struct Current {
@@ -166,9 +162,7 @@ pub(super) struct RestingInstances {
     outdated: Vec<Range<u32>>,
     /// No instances share a tree.
     is_off: bool,
-    /// Pictures must be repeatable, so the frame in which a tree is used does not depend on how long its build takes: that frame waits for
-    /// it.  Elsewhere no frame waits, because a build may take long: pipelines compile in the same threads.  On the web a frame that
-    /// waits would never end.
+    /// Pictures must be repeatable ([`Background::take`]).
     waits: bool,
 }
 
@@ -182,7 +176,7 @@ impl RestingInstances {
     /// the top level have changed, and the number of bytes sent.
     pub(super) fn update(
         &mut self,
-        instances: &InstancePool,
+        instances: &mut InstancePool,
         meshes: &mut MeshPool,
         device: &RenderDevice,
         queue: &RenderQueue,
@@ -194,8 +188,9 @@ impl RestingInstances {
             self.pending = None;
             self.has_changed = true;
         }
-        let was_given_up = self.current.as_ref().is_some_and(|current| !current.members.stay(changed, instances));
-        if was_given_up || self.is_off {
+        let is_outdated = |current: &Current| self.is_off || !current.members.stay(changed, instances);
+        let was_given_up = self.current.as_ref().is_some_and(is_outdated);
+        if was_given_up {
             self.give_up();
         }
         // Only the first tree waits for the rest of the scene: an app may load or edit something in every frame.
@@ -203,6 +198,7 @@ impl RestingInstances {
         let is_small = instances.totals.instances <= MAX_INSTANCES;
         let is_due = self.has_changed && self.pending.is_none() && self.frame >= self.next;
         if is_due && is_loaded && is_small && !self.is_off {
+            instances.sort();
             self.choose(instances, meshes);
         }
         let uploaded = match self.take_built() {
@@ -266,22 +262,17 @@ impl RestingInstances {
             Part { slot, first_triangle, world_from_object, positions }
         };
         let parts: Vec<Part> = chosen.iter().map(part).collect();
-        let task = AsyncComputeTaskPool::get().spawn(async move { WorldTree::build(&parts) });
         let bounds = chosen.iter().map(|(_, live)| live.bounds).reduce(joined).unwrap_or_default();
         let placements = chosen.iter().map(|&(slot, _)| (slot, Placement::of(instances.get(slot)))).collect();
         // The first frames of a scene wait for its meshes anyway.
         let due = frame + if is_first { 0 } else { BUILD_FRAMES };
-        self.pending = Some(Pending { task, members: Members { placements, bounds }, due });
+        let build = Background::start(due, move || WorldTree::build(&parts));
+        self.pending = Some(Pending { build, members: Members { placements, bounds } });
     }
 
     /// Takes the tree that is used from this frame on, with its members.
     fn take_built(&mut self) -> Option<(WorldTree, Members)> {
-        let pending = self.pending.as_mut()?;
-        let built = match self.waits {
-            true if self.frame < pending.due => return None,
-            true => block_on(&mut pending.task),
-            false => check_ready(&mut pending.task)?,
-        };
+        let built = self.pending.as_mut()?.build.take(self.frame, self.waits)?;
         let Pending { members, .. } = self.pending.take()?;
         Some((built?, members))
     }
@@ -366,45 +357,5 @@ pub fn share_a_tree_at_rest(app: &mut App, enabled: bool) {
     let world = app.get_sub_app_mut(bevy::render::RenderApp).map(|render| render.world_mut());
     if let Some(mut instances) = world.and_then(|world| world.get_resource_mut::<InstancePool>()) {
         instances.top.resting.is_off = !enabled;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use bevy::tasks::TaskPoolBuilder;
-    use std::sync::mpsc;
-
-    fn tree() -> Option<WorldTree> {
-        let world_from_object = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-        let positions = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 2];
-        WorldTree::build(&[Part { slot: 0, first_triangle: 0, world_from_object, positions }])
-    }
-
-    #[test]
-    fn frames_wait_for_a_tree_only_where_pictures_must_be_repeatable() {
-        for waits in [false, true] {
-            let pool = TaskPoolBuilder::new().num_threads(1).build();
-            let (finish, may_finish) = mpsc::channel::<()>();
-            let task = pool.spawn(async move {
-                _ = may_finish.recv();
-                tree()
-            });
-            let members = Members { placements: HashMap::default(), bounds: Bounds::default() };
-            let mut resting = RestingInstances::new(waits);
-            resting.pending = Some(Pending { task, members, due: BUILD_FRAMES });
-            assert!(resting.take_built().is_none(), "it is neither due nor built");
-            resting.frame = BUILD_FRAMES;
-            if !waits {
-                assert!(resting.take_built().is_none() && resting.pending.is_some(), "it is being built");
-            }
-            finish.send(()).expect("the task waits");
-            let mut built = resting.take_built();
-            while !waits && built.is_none() {
-                std::thread::yield_now();
-                built = resting.take_built();
-            }
-            assert!(built.is_some() && resting.pending.is_none());
-        }
     }
 }

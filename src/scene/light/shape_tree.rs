@@ -9,7 +9,7 @@ use super::analytic::shape_bounds;
 use crate::gpu_layout::GpuLight;
 use crate::scene::{
     accel::{blas::Bounds, tlas::build_tlas},
-    geometry::{gpu_tlas::GpuTlas, meshes::MeshPool},
+    geometry::{gpu_tlas::GpuTlas, joined_trees::JoinedTrees, meshes::MeshPool},
 };
 
 /// The tree, and the boxes that it was built from.
@@ -39,7 +39,7 @@ impl ShapeTree {
         meshes.release_nodes(core::mem::take(&mut self.nodes.range));
         let tlas = build_tlas(&boxes);
         self.boxes = boxes;
-        let written = GpuTlas::write(&tlas, meshes, device, queue);
+        let written = GpuTlas::write(&JoinedTrees::single(&tlas), 0, meshes, device, queue);
         self.is_missing = written.is_none();
         let (nodes, bytes) = written.unwrap_or_else(|| {
             warn_once!(
