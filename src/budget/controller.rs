@@ -234,8 +234,8 @@ impl Controller {
         }
     }
 
-    /// Ratio of the time of a step with fewer samples to that of the step before, by the two highest steps that were measured: later steps save no more
-    /// than earlier ones.
+    /// Ratio of the time of a step with fewer samples to that of the step before, by the two highest steps that were measured: later steps
+    /// save no more than earlier ones.
     fn ratio_of_samples(&self) -> f32 {
         let mut known = (0..=self.most.samples).rev().filter(|step| self.known[*step as usize] > 0.0);
         let (Some(last), Some(before)) = (known.next(), known.next()) else { return TYPICAL_RATIO };

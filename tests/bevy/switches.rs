@@ -76,6 +76,30 @@ fn a_sky_with_other_pixels_has_its_light_at_once_and_restarts_no_history() {
     }
 }
 
+/// A sky that comes is a light that was dark, and one that goes is a light that is gone.
+#[test]
+fn skies_that_come_and_go_restart_no_history() {
+    let Some(mut rig) = Rig::new(16, 12) else { return };
+    rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    let image = rig.add::<Image>(texture(4, 2, |_, _| [90, 90, 90, 255]));
+    rig.set(|restir| *restir = Restir { technique: Technique::Di, ..plain() });
+    rig.picture(3);
+    let restarts = rig.report().history_resets;
+    let skies = [Some(sky(0.2)), Some(RestirEnvironment { image: Some(image), ..sky(0.3) }), None, Some(sky(0.1))];
+    for (step, sky) in skies.into_iter().enumerate() {
+        let mut camera = rig.app.world_mut().entity_mut(rig.camera);
+        match sky {
+            Some(sky) => camera.insert(sky),
+            None => camera.remove::<RestirEnvironment>(),
+        };
+        rig.until_ready();
+        rig.frames(3);
+        assert_eq!(rig.report().history_resets, restarts, "step {step}");
+    }
+    rig.assert_sound();
+}
+
 /// The old pixels stay for one frame, because temporal reuse evaluates samples in the scene of the last frame: either half of the wall lights
 /// the floor in front of it alike.
 #[test]

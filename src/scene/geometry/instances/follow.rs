@@ -53,7 +53,7 @@ impl InstancePool {
         if self.visited_in[index] == self.frame {
             return true;
         }
-        let (record, Some(live)) = (self.records[index], &mut self.live[index]) else { return false };
+        let (record, Some(live)) = (&mut self.records[index], &mut self.live[index]) else { return false };
         // Bodies have places of their own, and other flags need another slot.
         let is_mirrored = record.flags & INSTANCE_MIRRORED != 0;
         if record.flags & INSTANCE_DEFORMED != 0 || live.mesh != mesh || is_mirrored != placement.is_mirrored {
@@ -65,18 +65,18 @@ impl InstancePool {
         if live.emits {
             self.changed_emitters.push(entity);
         }
-        if record.world_from_object != placement.world_from_object {
-            self.moved = true;
-            self.settling.push(slot);
+        if record.world_from_object == placement.world_from_object {
+            self.rest(slot);
+            return true;
         }
-        let record = GpuInstance {
-            world_from_object: placement.world_from_object,
-            object_from_world: placement.object_from_world,
-            previous_world_from_object: record.world_from_object,
-            flags: record.flags & !INSTANCE_APPEARED,
-            ..record
-        };
-        self.visit(slot, record);
+        record.previous_world_from_object = record.world_from_object;
+        record.world_from_object = placement.world_from_object;
+        record.object_from_world = placement.object_from_world;
+        record.flags &= !INSTANCE_APPEARED;
+        self.dirty.push(slot);
+        self.moved = true;
+        self.settling.push(slot);
+        self.note_visit(slot);
         true
     }
 
@@ -88,17 +88,21 @@ impl InstancePool {
             if self.live[index].is_none() || self.visited_in[index] == self.frame {
                 continue;
             }
-            let record = self.records[index];
-            let flags = record.flags & !INSTANCE_APPEARED;
-            self.visit(slot, GpuInstance { previous_world_from_object: record.world_from_object, flags, ..record });
+            self.rest(slot);
         }
     }
 
-    /// Takes note of a visit that gives a slot this record.
-    fn visit(&mut self, slot: u32, record: GpuInstance) {
+    /// Visits an instance that has not moved.
+    fn rest(&mut self, slot: u32) {
+        let record = *self.get(slot);
+        let flags = record.flags & !INSTANCE_APPEARED;
+        self.write(slot, GpuInstance { previous_world_from_object: record.world_from_object, flags, ..record });
+        self.note_visit(slot);
+    }
+
+    fn note_visit(&mut self, slot: u32) {
         self.visited_in[slot as usize] = self.frame;
         self.visited += 1;
-        self.write(slot, record);
     }
 }
 
