@@ -92,7 +92,7 @@ fn numbers_are_limited_to_the_range_that_validation_accepts() {
     let range = |path| fields::range(&settings, path);
     assert_eq!(range("bounces"), Some([0.0, 64.0]));
     assert_eq!(range("direct.candidates"), Some([1.0, 64.0]));
-    assert_eq!(range("direct.reuse.confidence_cap"), Some([0.0, 60.0]));
+    assert_eq!(range("direct.reuse.confidence_cap"), Some([0.0, 250.0]));
     assert_eq!(range("paths.reuse.normal_threshold"), Some([-1.0, 1.0]));
     assert_eq!(range("paths.jacobian_limit"), Some([1.0, f64::from(f32::MAX)]));
     assert_eq!(range("seed"), Some([0.0, f64::from(u32::MAX)]));
