@@ -27,7 +27,7 @@ impl Reached {
             assert!(level <= MAX_TLAS_DEPTH, "a ray's stack has no room for level {level}");
             let node = node_at(index);
             for slot in 0..CHILDREN {
-                let space = common(&within, &child_box(&node, slot));
+                let space = common(&within, &widened(child_box(&node, slot), &node));
                 match child(&node, slot) {
                     Child::Empty => {}
                     Child::Node(below) => waiting.push((below as u32, level + 1, space)),
@@ -62,13 +62,17 @@ impl Reached {
 }
 
 fn contains([low, high]: &Space, bounds: &Bounds) -> bool {
-    (0..3).all(|k| {
-        let (near, far) = (f64::from(bounds.0[k]), f64::from(bounds.1[k]));
-        // Planes are rounded to f64, and denormal numbers count as 0 where a driver has set the processor so.
-        let rounding =
-            f64::from(f32::MIN_POSITIVE) + 1e-14 * near.abs().max(far.abs()).max(low[k].abs()).max(high[k].abs());
-        low[k] <= near + rounding && far <= high[k] + rounding
-    })
+    (0..3).all(|k| low[k] <= f64::from(bounds.0[k]) && f64::from(bounds.1[k]) <= high[k])
+}
+
+/// A box of a node, widened by the rounding of its planes: each is the sum of a corner and a number of cells, in f64.  Denormal numbers count as 0
+/// where a driver has set the processor so.
+fn widened([low, high]: Space, node: &Node) -> Space {
+    let rounding = |k: usize| {
+        let corner = f64::from(f32::from_bits(node[0][k]));
+        f64::from(f32::MIN_POSITIVE) + 1e-15 * (corner.abs() + low[k].abs() + high[k].abs())
+    };
+    [core::array::from_fn(|k| low[k] - rounding(k)), core::array::from_fn(|k| high[k] + rounding(k))]
 }
 
 fn common(a: &Space, b: &Space) -> Space {
