@@ -202,7 +202,7 @@ impl Controller {
                 self.failed_trials = 0;
             }
         } else {
-            // Nothing but the trend tells how the scene has changed since another step was measured.
+            // This step has no estimate to compare with, so the trend alone tells how much the scene has changed.
             self.scale((window.growth * BETWEEN_STEPS).exp().clamp(1.0 / GREATEST_RISE, GREATEST_RISE));
         }
         self.known[self.step as usize] = time;

@@ -261,7 +261,7 @@ fn meshes_that_arrive_together_are_sent_over_several_frames() {
     rig.spawn(square(0.2), lambert(0.5), Transform::from_xyz(-0.9, -0.9, 0.0));
     let meshes: Vec<_> = (0..=40).map(|_| rig.add::<Mesh>(separate_triangles())).collect();
     rig.until_ready();
-    // All are built before an instance shows them, so that nothing but the limit spreads them.
+    // All are built before an instance shows them, so that only the limit spreads their uploads over frames.
     until_built(&mut rig);
     let show = |rig: &mut Rig, mesh: &Handle<Mesh>| {
         rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), Transform::default()));

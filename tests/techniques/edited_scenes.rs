@@ -149,10 +149,7 @@ fn pose_sky(rig: &mut Rig, step: u32) {
 #[ignore = "second tier: ./run test --more"]
 fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
     let Some(mut rig) = scene(64, |rig| surrounded(rig, true)) else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_sky), ..Proof::of((40, 1), (14, 32)) };
-    let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
-    let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
-    proof.check("sky", &mut rig, &all);
+    check_sky("sky", &mut rig, 40, &pose_sky);
 }
 
 /// The sky shines only before the last step, or only in it.
@@ -191,20 +188,25 @@ fn pose_skies(rig: &mut Rig, step: u32) {
     rig.get_mut::<RestirEnvironment>(rig.camera).image = Some(sky);
 }
 
+/// Compares paths and indirect light in the last step of a room whose sky changes.
+fn check_sky(name: &str, rig: &mut Rig, restarts: u32, pose: &dyn Fn(&mut Rig, u32)) {
+    // The images of all steps are loaded before frames count.
+    for step in [STEPS, 0] {
+        pose(rig, step);
+        rig.until_ready();
+    }
+    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(pose), ..Proof::of((restarts, 1), (14, 32)) };
+    let gi = AllLight::Gi(di::all_reuse(), paths::all_reuse());
+    let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi)];
+    proof.check(name, rig, &all);
+}
+
 /// The light of the old sky is left out of the history, and that of the new one has none.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn light_of_another_sky_equals_the_reference_at_once() {
     let Some(mut rig) = scene(64, below_two_skies) else { return };
-    // Both images are loaded.
-    for step in [STEPS, 0] {
-        pose_skies(&mut rig, step);
-        rig.until_ready();
-    }
-    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_skies), ..Proof::of((40, 1), (14, 32)) };
-    let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
-    let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
-    proof.check("two skies", &mut rig, &all);
+    check_sky("two skies", &mut rig, 40, &pose_skies);
 }
 
 #[test]
@@ -218,15 +220,9 @@ fn full_length_light_of_skies_that_come_go_and_change_equals_the_reference() {
     ];
     for (name, make, pose) in scenes {
         let Some(mut rig) = scene(64, make) else { return };
-        for step in [STEPS, 0] {
-            pose(&mut rig, step);
-            rig.until_ready();
-        }
-        let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose), ..Proof::of((60, 1), (14, 32)) };
-        let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
-        let all = [("paths, both", AllLight::Pt(paths::all_reuse())), ("indirect, both", gi(paths::all_reuse()))];
-        proof.check(name, &mut rig, &all);
-        Proof { bounces: 1, ..proof }.check(name, &mut rig, &[("direct, both", di::all_reuse())]);
+        check_sky(name, &mut rig, 60, &pose);
+        let direct = Proof { bounces: 1, margin: 0.02, pose: Some(&pose), ..Proof::of((60, 1), (14, 32)) };
+        direct.check(name, &mut rig, &[("direct, both", di::all_reuse())]);
     }
 }
 

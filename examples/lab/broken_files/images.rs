@@ -48,7 +48,7 @@ fn add(glb: &mut Glb, data: &[u8]) -> Option<usize> {
     Some(view)
 }
 
-/// Puts an image in place of another one, or gives it to all materials if there is none.
+/// Replaces an image of the file.  A file without images gets one, which all of its materials show.
 fn show(glb: &mut Glb, image: Value, random: &mut Random) -> Option<()> {
     if let Some(images) = glb.json.get_mut("images").and_then(Value::as_array_mut)
         && !images.is_empty()

@@ -137,12 +137,12 @@ struct Edits {
 #[derive(Debug, PartialEq)]
 pub(super) enum Change {
     Nothing,
-    /// These nodes of the main tree, in ascending order, and the tree over newcomers if it is another one.
+    /// These nodes of the main tree, in ascending order; and the whole tree over newcomers, if it was built again.
     Parts {
         nodes: Vec<usize>,
         newcomers: bool,
     },
-    /// The main tree is another one.
+    /// The main tree was replaced.
     All,
 }
 
@@ -274,7 +274,7 @@ impl InstanceTrees {
                     built.entries[place as usize].1 = bounds;
                     moved.push(place);
                 }
-                // The slot is free, or has a newcomer that moves or is another instance than when the build began.
+                // Its instance has gone. Or the slot has a newcomer that has moved since the build began, or that came after it.
                 None => {
                     built.forget(slot);
                     gone.push(place);

@@ -90,8 +90,8 @@ impl<'a> JoinedTrees<'a> {
         }
     }
 
-    /// The units that may have changed, in ascending order: those with these nodes of the main tree, and those of the tree over newcomers if that
-    /// is another one.
+    /// The units that may have changed, in ascending order: those of these nodes of the main tree, and all units of the tree over newcomers if
+    /// that was built again (`newcomers`).
     pub(super) fn changed_units(&self, main_nodes: &[usize], newcomers: bool) -> Vec<usize> {
         // The common root has the bounds of both trees.
         let mut units = if self.newcomers.nodes.is_empty() { Vec::new() } else { vec![COMMON] };
