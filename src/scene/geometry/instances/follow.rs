@@ -16,8 +16,8 @@ use crate::scene::{
     geometry::meshes::MeshPool,
 };
 
-/// Number of moving instances above which several threads compute their placements.
-const MAX_SERIAL: usize = 1024;
+/// Number of moving instances whose placements one task computes.  Fewer need no task.
+const PART: usize = 1024;
 
 /// The mesh of an instance that has moved, and where the instance is now.
 type Move = (AssetId<Mesh>, Placement);
@@ -119,8 +119,8 @@ fn moves(moved: &[MainEntity], due: &[MainEntity], list: &InstanceList, meshes: 
         };
         part.iter().map(move_of).collect()
     };
-    match moved.len() > MAX_SERIAL {
-        true => moved.par_splat_map(ComputeTaskPool::get(), None, of_part),
+    match moved.len() > PART {
+        true => moved.par_chunk_map(ComputeTaskPool::get(), PART, of_part),
         false => vec![of_part(0, moved)],
     }
 }
