@@ -2,6 +2,7 @@
 // of this frame and of the last one, so that one tree serves rays through both.
 #define_import_path bevy_restir::deformation::refit
 
+#import bevy_restir::common::constants::FAR
 #import bevy_restir::deformation::bindings::{boxes, nodes, rigs, triangles, vertices}
 #import bevy_restir::deformation::types::Body
 #import bevy_restir::scene::types::Triangle
@@ -39,9 +40,9 @@ fn refit_node(body: Body, node: u32) {
     let links = nodes[rest + 1u];
     let first_child = links.x - body.rest_node;
     let first_triangle = links.y - body.rest_triangle;
-    let nothing = Box(vec3<f32>(3.0e38), vec3<f32>(-3.0e38));
+    let nothing = Box(vec3<f32>(FAR), vec3<f32>(-FAR));
     var children: array<Box, 8>;
-    var all = nothing;
+    var whole = nothing;
     for (var slot = 0u; slot < 8u; slot += 1u) {
         children[slot] = nothing;
         let code = (select(links.z, links.w, slot >= 4u) >> (8u * (slot & 3u))) & 0xffu;
@@ -55,21 +56,21 @@ fn refit_node(body: Body, node: u32) {
                 children[slot] = joined(children[slot], both);
             }
         }
-        all = joined(all, children[slot]);
+        whole = joined(whole, children[slot]);
     }
-    boxes[body.first_box + 2u * node] = vec4<f32>(all.low, 0.0);
-    boxes[body.first_box + 2u * node + 1u] = vec4<f32>(all.high, 0.0);
+    boxes[body.first_box + 2u * node] = vec4<f32>(whole.low, 0.0);
+    boxes[body.first_box + 2u * node + 1u] = vec4<f32>(whole.high, 0.0);
 
-    // Planes of children are all.low + q·cell, where q has 8 bits and the cell is a power of two.
-    let extent = bitcast<vec3<u32>>((all.high - all.low) / 255.0);
+    // Planes of children are whole.low + q·cell, where q has 8 bits and the cell is a power of two.
+    let extent = bitcast<vec3<u32>>((whole.high - whole.low) / 255.0);
     let is_rounded_up = (extent & vec3<u32>(0x7fffffu)) != vec3<u32>(0u);
     let exponent = max((extent >> vec3<u32>(23u)) + select(vec3<u32>(0u), vec3<u32>(1u), is_rounded_up), vec3<u32>(1u));
     let cell = bitcast<vec3<f32>>(exponent << vec3<u32>(23u));
     // For each axis: eight low planes in two words, then eight high ones.
     var planes: array<u32, 12>;
     for (var slot = 0u; slot < 8u; slot += 1u) {
-        let low = vec3<u32>(clamp(floor((children[slot].low - all.low) / cell), vec3<f32>(0.0), vec3<f32>(255.0)));
-        let high = vec3<u32>(clamp(ceil((children[slot].high - all.low) / cell), vec3<f32>(0.0), vec3<f32>(255.0)));
+        let low = vec3<u32>(clamp(floor((children[slot].low - whole.low) / cell), vec3<f32>(0.0), vec3<f32>(255.0)));
+        let high = vec3<u32>(clamp(ceil((children[slot].high - whole.low) / cell), vec3<f32>(0.0), vec3<f32>(255.0)));
         let shift = 8u * (slot & 3u);
         for (var axis = 0u; axis < 3u; axis += 1u) {
             planes[4u * axis + (slot >> 2u)] |= low[axis] << shift;
@@ -77,7 +78,7 @@ fn refit_node(body: Body, node: u32) {
         }
     }
     let at = (body.node + node) * 5u;
-    nodes[at] = vec4<u32>(bitcast<vec3<u32>>(all.low), exponent.x | (exponent.y << 8u) | (exponent.z << 16u) | (inner << 24u));
+    nodes[at] = vec4<u32>(bitcast<vec3<u32>>(whole.low), exponent.x | (exponent.y << 8u) | (exponent.z << 16u) | (inner << 24u));
     nodes[at + 1u] = vec4<u32>(body.node + first_child, body.triangle + first_triangle, links.zw);
     for (var axis = 0u; axis < 3u; axis += 1u) {
         let first = 4u * axis;

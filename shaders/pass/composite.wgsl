@@ -151,7 +151,8 @@ fn similarity(own: Seen, other: Seen) -> f32 {
     }
     let from_plane = abs(dot(own.normal, other.position - own.position));
     let cosine = max(dot(own.normal, other.normal), 0.0);
-    let of_shape = exp(-from_plane / max(own.width, 1.0e-30)) * cosine * cosine;
+    // Drivers return NaN for huge exponents; exp(-200) is 0 in f32.
+    let of_shape = exp(-min(from_plane / max(own.width, 1.0e-30), 200.0)) * cosine * cosine;
     return max(select(OTHER_OBJECT, 1.0, own.instance == other.instance) * of_shape, LEAST_SIMILARITY);
 }
 

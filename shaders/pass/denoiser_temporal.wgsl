@@ -123,6 +123,9 @@ fn reflected_view(at: Shape, eye: vec3<f32>) -> vec3<f32> {
     return reflect(normalize(at.position - eye), at.n);
 }
 
+// Least sum of the bilinear weights of a last mean.  Below it, the only pixels that show the surface are almost a pixel away.
+const LEAST_SHARE_OF_LAST: f32 = 0.01;
+
 // The last mean at a pixel's surface.
 fn last_mean(place: LastPlace, kind: u32) -> Mean {
     var sum = no_mean();
@@ -136,7 +139,7 @@ fn last_mean(place: LastPlace, kind: u32) -> Mean {
             }
         }
     }
-    if !(weights > 0.01) {
+    if !(weights > LEAST_SHARE_OF_LAST) {
         return no_mean();
     }
     return add_mean(no_mean(), sum, 1.0 / weights);
@@ -287,6 +290,7 @@ fn variance_of_mean(mean: Mean, around: Neighborhood) -> f32 {
 
 // The difference of an outlier from the pixels around, without the brightest of them; 0: the pixel is no outlier.
 fn outlying(mean: Mean, around: Neighborhood) -> f32 {
+    // Without the three pixels of `brightest`.
     let count = around.count - 3.0;
     if count < FEWEST_AROUND {
         return 0.0;

@@ -25,7 +25,7 @@ fn light_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let pixels = view.size.x * view.size.y;
     for (var path = pixel_index(pixel); path < settings.light_paths; path += pixels) {
-        trace(path);
+        trace_sub_path(path);
     }
     count_rays(pixel);
 }
@@ -37,7 +37,7 @@ struct Rest {
     sum: f32,
 }
 
-fn trace(path: u32) {
+fn trace_sub_path(path: u32) {
     var rng = sub_path_rng(path, view.frame, STREAM_LIGHT_PATHS);
     var choices = sub_path_rng(path, view.frame, STREAM_SPLATS);
     var kept: LightVertex;

@@ -52,7 +52,7 @@ fn store_shift(pixel: vec2<u32>, r: Receiver, pair: Pair, s: Reservoir) {
 #ifdef FROM_QUEUE
 @group(2) @binding(4) var<storage, read> queue: array<u32>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(QUEUE_THREADS)
 fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>) {
     // `num_workgroups` is 0 in indirect dispatches of some Direct3D devices.
     let stride = queue[0u] * QUEUE_THREADS;

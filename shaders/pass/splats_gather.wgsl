@@ -6,7 +6,7 @@
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::ray::trace_flags
 #import bevy_restir::common::rng::{rng_bits, rng_of_key, STREAM_SPLATS}
-#import bevy_restir::restir::bdpt::light_map::{exact_add, exact_sum, exact_total, MAX_ENTRIES, Race, race_add}
+#import bevy_restir::restir::bdpt::light_map::{exact_add, exact_sum, exact_total, MAX_ENTRIES, new_race, race_add}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
@@ -60,7 +60,7 @@ fn landed_sample(head: u32) -> Reservoir {
         return no_reservoir();
     }
     var sum = exact_sum(largest);
-    var race = Race(0u, 3.0e38);
+    var race = new_race();
     next = head;
     for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
         let weight = weight_of(next - 1u);

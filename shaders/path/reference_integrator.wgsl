@@ -194,6 +194,19 @@ fn radiance_along(ray: Ray, hit: Hit, from_point: vec3<f32>, medium: vec3<f32>, 
     return radiance;
 }
 
+// The shown part of the light that NEE finds at a surface.  `shown`: its share behind the first surface; at the first surface itself, the
+// share depends on the direction of the light.
+fn shown_nee(s: Surface, wo: vec3<f32>, medium: vec3<f32>, shown: vec3<f32>, is_first: bool, rng: ptr<function, Rng>) -> vec3<f32> {
+    if bsdf_is_delta(s.bsdf) {
+        return vec3<f32>(0.0);
+    }
+    let nee = nee_radiance(s, wo, medium, rng);
+    if is_first {
+        return shown_share(bsdf_diffuse_share(s.bsdf, wo, nee.wi)) * nee.radiance;
+    }
+    return shown * nee.radiance;
+}
+
 // Radiance along a camera ray with a known first hit.
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
@@ -228,14 +241,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
             break;
         }
 
-        // Sample a light.
-        if !bsdf_is_delta(s.bsdf) {
-            let nee = nee_radiance(s, wo, medium, rng);
-            if scattered == 0u {
-                shown = shown_share(bsdf_diffuse_share(s.bsdf, wo, nee.wi));
-            }
-            radiance += shown * throughput * nee.radiance;
-        }
+        radiance += throughput * shown_nee(s, wo, medium, shown, scattered == 0u, rng);
 
         // Sample the BSDF, where the path hit the surface or where light enters the body below it.
         let scatterer = next_scatterer(s, wo, medium, rng);

@@ -1,6 +1,7 @@
 // Attributes of the corners of a stored triangle (`stored_triangle`): texture coordinates, and normals and tangents in object space.
 #define_import_path bevy_restir::scene::corners
 
+#import bevy_restir::common::constants::FAR
 #import bevy_restir::common::math::{max_component, octahedral_decode}
 #import bevy_restir::scene::bindings::{triangles, vertices}
 #import bevy_restir::scene::triangle::{Corners, corners_of, safe_normalize, triangle_normal}
@@ -80,7 +81,7 @@ fn uv_directions(p: Corners, uvs: CornerUvs) -> UvDirections {
     let uv_b = uvs.b - uvs.a;
     let uv_c = uvs.c - uvs.a;
     let uv_sizes = max(abs(uv_b), abs(uv_c));
-    let uv_extent = clamp(max(uv_sizes.x, uv_sizes.y), 1.0e-30, 3.0e38);
+    let uv_extent = clamp(max(uv_sizes.x, uv_sizes.y), 1.0e-30, FAR);
     let b = uv_b / uv_extent;
     let c = uv_c / uv_extent;
     let area = b.x * c.y - c.x * b.y;

@@ -1,5 +1,6 @@
 // Alpha tests of hits: a mask compares alpha with its cutoff; a blended surface is hit with the probability alpha.  The random number is a
-// hash of the seed and the triangle, so that closest-hit and any-hit rays with the same seed agree.
+// hash of the seed and the triangle, so that closest-hit and any-hit rays with the same seed agree.  A constant keeps it apart from other
+// hashes.
 #define_import_path bevy_restir::trace::alpha
 
 #import bevy_restir::common::constants::INSTANCE_ALPHA

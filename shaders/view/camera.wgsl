@@ -43,6 +43,14 @@ fn pixel_cone(camera: Camera, ray: Ray, distance: f32) -> Cone {
     return Cone(width, select(perspective.spread, 0.0, is_orthographic()));
 }
 
+// The camera, now or (`previous`) in the last frame.
+fn camera_of(previous: bool) -> Camera {
+    if previous {
+        return view.previous;
+    }
+    return view.current;
+}
+
 // Position of the camera, now or (`previous`) in the last frame.
 fn camera_position(previous: bool) -> vec3<f32> {
     return select(view.current.world_from_view[3].xyz, view.previous.world_from_view[3].xyz, previous);

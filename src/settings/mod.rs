@@ -93,7 +93,7 @@ impl Technique {
 /// The history of earlier frames survives motion of objects, lights and cameras, objects, lights and images that appear, vanish or change, and
 /// skies that do so.  It restarts when
 ///
-/// - a material uses an image that the GPU writes, in every frame, or an image changes and the pixels of the last frame are lost
+/// - an object shows an image that the GPU writes, in every frame, or an image changes and the pixels of the last frame are lost
 ///   (`docs/limits.md`, "History restarts");
 /// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
 ///   or a clearcoat, the first texture or vertex color in a scene with alpha, the first texture of transmission, specular, clearcoat or

@@ -5,7 +5,7 @@
 #import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::trace_flags
 #import bevy_restir::common::rng::{rng_bits, STREAM_SPLATS}
-#import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, Race, race_add, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
+#import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, new_race, race_add, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
 #import bevy_restir::restir::bdpt::map_bindings::light_map
 #import bevy_restir::restir::connection::light_sub_path::sub_path_rng
 #import bevy_restir::view::bindings::view
@@ -43,7 +43,7 @@ fn landed_splats(pixel: vec2<u32>, reconnects: bool) -> Landed {
     }
     var sum = exact_sum(largest);
     var diffuse = sum;
-    var race = Race(0u, 3.0e38);
+    var race = new_race();
     next = head;
     for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
         let e = entry_of(next);

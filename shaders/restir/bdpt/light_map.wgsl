@@ -4,7 +4,7 @@
 // Lists have the order of execution.  Sums and choices must not depend on it, so that the same seed gives the same picture.
 #define_import_path bevy_restir::restir::bdpt::light_map
 
-#import bevy_restir::common::constants::ONE_MINUS_EPSILON
+#import bevy_restir::common::constants::{FAR, ONE_MINUS_EPSILON}
 #import bevy_restir::restir::stored_path::{pack_radiance, unpack_radiance}
 #import bevy_restir::view::bindings::view
 
@@ -76,6 +76,11 @@ fn exact_total(s: ExactSum) -> vec3<f32> {
 struct Race {
     winner: u32,
     time: f32,
+}
+
+// A race without inputs; 0 is no winner.
+fn new_race() -> Race {
+    return Race(0u, FAR);
 }
 
 // `bits`: random ones of this input.  The weight is positive.

@@ -18,8 +18,7 @@
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::drawn_sides::is_drawn
 #import bevy_restir::trace::trace::trace_drawn
-#import bevy_restir::view::bindings::view
-#import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
+#import bevy_restir::view::camera::{camera_density, camera_of, camera_point, CameraPoint, pixel_cone}
 #import bevy_restir::view::light_part::{bsdf_diffuse_share, pack_share}
 #import bevy_restir::view::pixel::{pixel_at, pixel_index}
 #import bevy_restir::view::types::Camera
@@ -97,13 +96,6 @@ fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool
 fn seen_surface(w: LightWalk, camera: Camera, point: CameraPoint, previous: bool) -> Surface {
     let cone = pixel_cone(camera, point.ray, distance(point.ray.origin, w.surface.position));
     return surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, -point.ray.direction, cone, previous);
-}
-
-fn camera_of(previous: bool) -> Camera {
-    if previous {
-        return view.previous;
-    }
-    return view.current;
 }
 
 // Whether the camera sees a point.  Its rays begin at the near plane.

@@ -18,8 +18,7 @@
 #import bevy_restir::restir::shift::shifted_path::{is_unoccluded, ShiftedPath}
 #import bevy_restir::restir::stored_path::Reservoir
 #import bevy_restir::restir::types::{RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD, RESAMPLE_SAME_DENSITIES}
-#import bevy_restir::view::bindings::view
-#import bevy_restir::view::camera::{camera_density, eye_of}
+#import bevy_restir::view::camera::{camera_density, camera_of, camera_position, eye_of}
 #import bevy_restir::view::primary::primary_surface
 #ifdef SPLIT_LIGHT
 #import bevy_restir::bsdf::types::LOBE_DIFFUSE
@@ -77,11 +76,7 @@ fn technique_counts() -> TechniqueCounts {
 
 #ifdef LIGHT_PATHS
 fn density_of_camera(v: Vertex, previous: bool) -> f32 {
-    var camera = view.current;
-    if previous {
-        camera = view.previous;
-    }
-    return camera_density(camera, v.wo, distance(v.surface.position, camera.world_from_view[3].xyz));
+    return camera_density(camera_of(previous), v.wo, distance(v.surface.position, camera_position(previous)));
 }
 #else
 fn density_of_camera(v: Vertex, previous: bool) -> f32 {

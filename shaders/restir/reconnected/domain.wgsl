@@ -26,7 +26,6 @@
 #import bevy_restir::path::medium::{absorbs, medium_before, medium_towards}
 #import bevy_restir::path::shadow_ray::ray_between
 #import bevy_restir::restir::bdpt::last_edge::{can_reconnect, LastEdge}
-#import bevy_restir::restir::bdpt::splat::camera_of
 #import bevy_restir::restir::bdpt::techniques::splat_share
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::connection::count::connections_of_vertex
@@ -38,7 +37,7 @@
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::trace::{trace_any, trace_drawn_closest}
-#import bevy_restir::view::camera::{camera_density, camera_ray, is_beyond_far_plane, near_position, pixel_cone}
+#import bevy_restir::view::camera::{camera_density, camera_of, camera_ray, is_beyond_far_plane, near_position, pixel_cone}
 #ifdef SPLIT_LIGHT
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::view::light_part::bsdf_diffuse_share

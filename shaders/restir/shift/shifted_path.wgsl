@@ -64,12 +64,12 @@ fn is_unoccluded(s: ShiftedPath, previous: bool) -> bool {
 }
 
 fn with_shadow_ray(rays: ShadowRays, ray: Ray, alpha_seed: u32) -> ShadowRays {
-    var all = rays;
-    if all.count == 0u {
-        all.first = ShadowRay(ray, alpha_seed);
+    var extended = rays;
+    if extended.count == 0u {
+        extended.first = ShadowRay(ray, alpha_seed);
     } else {
-        all.second = ShadowRay(ray, alpha_seed);
+        extended.second = ShadowRay(ray, alpha_seed);
     }
-    all.count += 1u;
-    return all;
+    extended.count += 1u;
+    return extended;
 }

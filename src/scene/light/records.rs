@@ -78,11 +78,13 @@ impl LightRecords {
         if self.dirty.is_empty() {
             return Some(0);
         }
-        if !gpu.reserve(end as u32, uploads.device, uploads.queue) {
-            return None;
-        }
         self.dirty.sort_unstable_by_key(|run| run.start);
         let runs = joined(self.dirty.drain(..));
+        if !gpu.reserve(end as u32, uploads.device, uploads.queue) {
+            // The next frame tries again.  Joined runs do not pile up until there is room.
+            self.dirty = runs;
+            return None;
+        }
         Some(gpu.write_runs(&runs, &self.records, uploads))
     }
 }

@@ -389,12 +389,13 @@ impl MaterialPool {
         if self.dirty.is_empty() {
             return bytes;
         }
+        self.dirty.sort_unstable();
+        self.dirty.dedup();
         // The slots fit a binding, but the device's memory may be full; then the slots stay dirty, and the next frame tries again.
         if !self.gpu.reserve(self.packed.len() as u32, device, queue) {
             self.fits = false;
             return bytes;
         }
-        self.dirty.sort_unstable();
         let runs = joined_runs(self.dirty.drain(..));
         bytes + self.gpu.write_runs(&runs, &self.packed, uploads)
     }
@@ -403,6 +404,8 @@ impl MaterialPool {
         if self.dirty_table.is_empty() {
             return 0;
         }
+        self.dirty_table.sort_unstable();
+        self.dirty_table.dedup();
         match self.table.reserve(self.packed_table.len() as u32, device) {
             Reserved::Kept => {}
             Reserved::Replaced => self.dirty_table = (0..self.packed_table.len()).collect(),
@@ -411,7 +414,6 @@ impl MaterialPool {
                 return 0;
             }
         }
-        self.dirty_table.sort_unstable();
         let runs = joined_runs(self.dirty_table.drain(..));
         runs.into_iter().map(|r| self.table.write(r.start as u32, &self.packed_table[r], queue)).sum()
     }
