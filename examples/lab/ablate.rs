@@ -50,6 +50,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             ),
         );
         table.columns.push((scene.1, measured.rows()));
+        args.output.write_so_far("ablate", &table)?;
     }
     args.output.write("ablate", &table)
 }

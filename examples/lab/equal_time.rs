@@ -126,6 +126,7 @@ fn table(name: &str, args: &Args, competitors: &[Competitor], detail: Detail) ->
             Ok(rows)
         });
         table.columns.push((scene.1.clone(), rows.map_err(|error| format!("{}: {error}", scene.1))?));
+        output.write_so_far(name, &table)?;
     }
     output.write(name, &table)
 }
@@ -176,6 +177,9 @@ pub fn column(
         let (cost, error) = measured(bench, settings, &errors, &progress)?;
         let RestirReport { reservoir_bytes_per_pixel, light_paths, light_vertices, splats, .. } = bench.report();
         let samples = cost.lighting() / sample.lighting();
+        if !samples.is_finite() {
+            return Err("the driver measured no time".into());
+        }
         let whole = match samples.round() as u32 {
             0 => Error::UNKNOWN,
             n => bench.error(reference, &errors, n - 1, &progress)?,

@@ -142,6 +142,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             plots.push((format!("{NAME}-{}-{}", scene.1, motion.key()), drawn(|area| draw(&curves, area))?));
         }
         table.columns.push((scene.1, rows));
+        args.output.write_so_far(NAME, &table)?;
     }
     plots.iter().try_for_each(|(name, svg)| args.output.write_plot(name, svg))?;
     args.output.write(NAME, &table)

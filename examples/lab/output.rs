@@ -39,12 +39,16 @@ impl Output {
 
     /// Writes the table, each file complete or not at all.
     pub fn write(&self, name: &str, table: &Table) -> Result<(), String> {
-        let text = table.markdown();
+        self.write_so_far(name, table)?;
+        write_into(self.into.as_deref(), name, &table.markdown())
+    }
+
+    /// Writes a table that still lacks columns to the folder, so that an error in a later scene does not lose hours of measurements.
+    pub fn write_so_far(&self, name: &str, table: &Table) -> Result<(), String> {
         let [csv, markdown] = file_names(name).map(|name| self.out.join(name));
         files::create_folder(&self.out)?;
         write_text(&csv, &table.csv())?;
-        write_text(&markdown, &text)?;
-        write_into(self.into.as_deref(), name, &text)
+        write_text(&markdown, &table.markdown())
     }
 }
 

@@ -33,6 +33,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     for scene in scenes(&args.scenes)? {
         let rows = column(args, &scene, &mut table).map_err(|error| format!("{}: {error}", scene.1))?;
         table.columns.push((scene.1, rows));
+        args.lengths.output.write_so_far("thresholds", &table)?;
     }
     args.lengths.output.write("thresholds", &table)
 }

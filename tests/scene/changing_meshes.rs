@@ -7,6 +7,7 @@ use bevy::{
     prelude::*,
 };
 use bevy_restir::{DebugView, testing::lengths::table_lengths};
+use std::time::{Duration, Instant};
 
 /// A square of 126 000 triangles that faces +Z: building its tree takes many frames.
 fn heavy(side: f32) -> Mesh {
@@ -113,8 +114,10 @@ fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
 
 /// Renders frames until all meshes are built, those that nothing shows, too.
 fn until_built(rig: &mut Rig) {
+    let start = Instant::now();
     rig.frame();
     while table_lengths(&rig.app).iter().any(|(name, count)| *name == "meshes that are built" && *count > 0) {
+        assert!(start.elapsed() < Duration::from_secs(120), "the meshes are not built");
         rig.frame();
     }
 }

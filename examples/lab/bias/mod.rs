@@ -73,6 +73,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             ),
         );
         table.columns.push((scene.1, rows));
+        args.output.write_so_far(NAME, &table)?;
     }
     args.output.write(NAME, &table)
 }

@@ -274,7 +274,8 @@ impl Cell {
     /// `limit`: standard errors that chance hardly exceeds.
     fn differs(&self, limit: f64) -> bool {
         let is_off = self.difference.abs() > SHARE && self.difference.abs() > limit * self.error;
-        is_off || self.black > 0.0 || self.non_finite > 0 || !self.guards.is_empty()
+        // Compared with a black picture, the difference is infinite or NaN.
+        is_off || !self.difference.is_finite() || self.black > 0.0 || self.non_finite > 0 || !self.guards.is_empty()
     }
 
     /// The difference, and a row for each kind of pixels that should not exist.

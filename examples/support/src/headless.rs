@@ -27,8 +27,8 @@ use std::{
 
 use crate::{mutant, panics, scene::View};
 
-/// Loading and compiling may take this long before the program gives up.
-const PATIENCE: Duration = Duration::from_secs(300);
+/// Loading and compiling may take this long before the program gives up.  A CPU driver beside other work compiles for minutes.
+const PATIENCE: Duration = Duration::from_secs(1200);
 
 /// Keeps drivers from complaining on stderr. Call it before anything else runs.
 pub fn quiet_drivers() {

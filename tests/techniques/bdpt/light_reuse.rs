@@ -112,7 +112,7 @@ fn full_length_a_million_light_paths_are_replayed_as_they_were() {
 
 /// Edits that make a read of the last frame read this frame.
 pub const WRONG: [(&str, &str, &str, &str); 5] = [
-    ("camera", "restir/bdpt/splat.wgsl", "return view.previous;", "return view.current;"),
+    ("camera", "view/camera.wgsl", "return view.previous;", "return view.current;"),
     (
         "first ray",
         "path/light_path.wgsl",
