@@ -107,4 +107,27 @@ pub mod testing {
     pub mod shader_library {
         pub use crate::shader_library::{MODULES, ShaderEdit, edited, instantiate, is_template};
     }
+
+    /// Numbers that shaders share with Rust, beside those of `gpu_layout`.
+    pub mod shared_numbers {
+        pub use crate::{
+            frame::resource::COUNTERS_BINDING,
+            scene::{
+                geometry::bodies::WORKGROUP as BODY_WORKGROUP,
+                storage::data_texture::ELEMENTS_PER_ROW,
+                texture::{
+                    atlas::{Encoding, GpuCopy},
+                    image_info::{
+                        BINDLESS, CLAMP_U, CLAMP_V, LEVELS_SHIFT, MIRROR_U, MIRROR_V, NEAREST, SECOND_UV,
+                        SHARED_EXPONENT, SRGB, TWO_COMPONENTS,
+                    },
+                },
+            },
+            technique::reuse_schedule::{FEW_INPUTS, MAX_ITERATIONS, MAX_PAIR_LAYERS},
+            view::light_paths::MAX_LIGHT_PATHS,
+        };
+
+        /// Bytes of the header of the replay queue.
+        pub const REPLAY_QUEUE_HEADER: u64 = crate::view::pairs::ReplayQueue::HEADER;
+    }
 }

@@ -181,11 +181,7 @@ fn bsdf_eval_lobe(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> vec3<f32>
     return lobe_eval(b, directions_of(b, wo, wi), lobe);
 }
 
-// Joint density of direction and lobe; 0 for a delta.
-fn bsdf_pdf_lobe(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> f32 {
-    return pdf_of_lobe(lobe_pdfs(b, directions_of(b, wo, wi)), lobe);
-}
-
+// The component of `lobe_pdfs` for a lobe; 0 for a delta.
 fn pdf_of_lobe(pdf: vec4<f32>, lobe: u32) -> f32 {
     return select(select(select(pdf.z, pdf.y, lobe == LOBE_REFLECTION), pdf.x, lobe == LOBE_DIFFUSE), pdf.w, lobe == LOBE_COAT);
 }

@@ -5,7 +5,7 @@
 
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::constants::{INV_PI, TWO_PI}
+#import bevy_restir::common::constants::{INV_PI, LEAST_DIVISOR, TWO_PI}
 
 // Albedo of everything diffuse, without the Fresnel weight: reflection, transmission, and scattering below the surface.
 fn diffuse_base(b: Bsdf) -> vec3<f32> {
@@ -70,7 +70,7 @@ fn surface_part(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
 fn diffuse_probability(b: Bsdf, z: f32) -> f32 {
     let above = diffuse_share(b, 1.0) * (1.0 - min(b.subsurface.x, min(b.subsurface.y, b.subsurface.z)));
     let below = diffuse_share(b, -1.0);
-    return select(below, above, z > 0.0) / max(above + below, 1.0e-37);
+    return select(below, above, z > 0.0) / max(above + below, LEAST_DIVISOR);
 }
 #else
 fn diffuse_albedo(b: Bsdf) -> vec3<f32> {

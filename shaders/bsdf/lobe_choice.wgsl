@@ -6,6 +6,7 @@
 #import bevy_restir::bsdf::reflection::reflectance
 #import bevy_restir::bsdf::transmission::transmitted_share
 #import bevy_restir::bsdf::types::Bsdf
+#import bevy_restir::common::constants::LEAST_DIVISOR
 #import bevy_restir::common::math::{luminance, max_component}
 #ifdef CLEARCOAT
 #import bevy_restir::bsdf::coat::{coat_reflectance, coat_reflects, coat_share}
@@ -47,7 +48,7 @@ fn specular_probability(b: Bsdf, cos_o: f32) -> f32 {
         return 0.0;
     }
     let albedo = base_albedo(b, cos_o);
-    let p = albedo.y / max(albedo.y + albedo.x, 1.0e-37);
+    let p = albedo.y / max(albedo.y + albedo.x, LEAST_DIVISOR);
     return clamp(p, LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);
 }
 
@@ -63,7 +64,7 @@ fn coat_probability(b: Bsdf, wo: vec3<f32>, cos_o: f32) -> f32 {
     }
     let coat = coat_reflectance(b, wo);
     let albedo = base_albedo(b, cos_o);
-    let p = coat / max(coat + (1.0 - coat_share(b, wo)) * (albedo.x + albedo.y), 1.0e-37);
+    let p = coat / max(coat + (1.0 - coat_share(b, wo)) * (albedo.x + albedo.y), LEAST_DIVISOR);
     return clamp(p, LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);
 }
 #else

@@ -8,7 +8,7 @@
 #import bevy_restir::bsdf::ggx::{ggx_d, ggx_g2_over_cos_cos, ggx_visible_pdf}
 #import bevy_restir::bsdf::roughness::alpha_of
 #import bevy_restir::bsdf::types::{Bsdf, bsdf_is_thin}
-#import bevy_restir::common::constants::ALPHA_DELTA
+#import bevy_restir::common::constants::{ALPHA_DELTA, LEAST_MAGNITUDE}
 
 // Spread of directions, α·|eta - 1|, below which refraction is a delta: h cannot be recovered from wi with enough precision.
 const DELTA_SPREAD: f32 = 2.0e-5;
@@ -113,7 +113,7 @@ fn transmission_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
 // |wo·h| of the normal h that transmits wo to wi.
 fn transmission_cosine(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
     let v = transmission_half_vector(b, wo, wi);
-    return clamp(dot(wo, v) * inverseSqrt(max(dot(v, v), 1.0e-30)), 0.0, 1.0);
+    return clamp(dot(wo, v) * inverseSqrt(max(dot(v, v), LEAST_MAGNITUDE)), 0.0, 1.0);
 }
 #else
 fn interface_f0(b: Bsdf) -> vec3<f32> {

@@ -6,7 +6,6 @@ const LOBE_DIFFUSE: u32 = 0u;        // reflects, and with diffuse transmission 
 const LOBE_REFLECTION: u32 = 1u;     // of dielectric, metal and interface, which share the microfacets
 const LOBE_TRANSMISSION: u32 = 2u;   // through the same microfacets
 const LOBE_COAT: u32 = 3u;           // reflection of the clearcoat
-const LOBE_COUNT: u32 = 4u;
 // Scattering below the surface, stored in place of a lobe: the path goes on where light enters the translucent object
 // (`path/scattering.wgsl`).  No lobe may have this number.
 const LOBE_BELOW: u32 = 4u;

@@ -12,6 +12,16 @@ const ONE_MINUS_EPSILON: f32 = 0.99999994;
 // Larger than any distance in a scene: WGSL has no portable infinity.
 const FAR: f32 = 3.0e38;
 
+// Floor of divisors and of arguments of inverseSqrt that may be 0.  Its reciprocal is finite, and it is above 1.2e-38, the least normal f32:
+// GPUs may replace smaller numbers by 0.
+const LEAST_DIVISOR: f32 = 1.0e-37;
+// Floor of lengths, cosines and sums that may be 0 and divide greater numbers: the quotient of a number up to 3e8 by it is finite.
+const LEAST_MAGNITUDE: f32 = 1.0e-30;
+
+// Colors whose components share an exponent are stored as black if no component is above this bound.  Its exponent, and the powers of two
+// that scale it, are well within the ranges of the encodings and of f32.
+const LEAST_STORED_COLOR: f32 = 1.0e-30;
+
 // Bound of values that are stored as half floats, the greatest of which is 65504.
 const HALF_BOUND: f32 = 6.0e4;
 

@@ -35,6 +35,15 @@ fn quotient(a: f32, b: f32) -> f32 {
     return (a * scale) / (b * scale);
 }
 
+// e^-x for x of at least 0.  Drivers return NaN for huge exponents; e^-200 is 0 in f32.
+fn exponential_decay(x: f32) -> f32 {
+    return exp(-min(x, 200.0));
+}
+
+fn exponential_decay_3(v: vec3<f32>) -> vec3<f32> {
+    return exp(-min(v, vec3<f32>(200.0)));
+}
+
 // A texel of an environment image.  Infinity is the sun of a half-precision file, whose greatest number it becomes; NaN and negative
 // values become 0.
 fn clean_radiance(c: vec3<f32>) -> vec3<f32> {
@@ -76,14 +85,6 @@ fn quantized_direction(d: vec3<f32>) -> vec3<f32> {
     return octahedral_decode(octahedral_encode(d));
 }
 
-// Direction of a point of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
-fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
-    let phi = (uv.x - 0.5) * TWO_PI;
-    let theta = uv.y * PI;
-    let s = sin(theta);
-    return vec3<f32>(s * sin(phi), cos(theta), -s * cos(phi));
-}
-
 // Angle of (x, y) from the x axis, in (-π, π], with an error of about 3e-7.  WGSL allows atan2 an error of 4096 ulp: with it, a sampled
 // direction could be looked up in the wrong cell of the map.  The polynomial is our own minimax fit up to tan(π/8).
 fn precise_atan2(y: f32, x: f32) -> f32 {
@@ -118,7 +119,7 @@ fn precise_sine_cosine(x: f32) -> vec2<f32> {
     return vec2<f32>(2.0 * half_sine * half_cosine, 1.0 - 2.0 * half_sine * half_sine);
 }
 
-// Point of an equirectangular map in a direction.
+// Point of an equirectangular map in a direction: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
 fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(
         0.5 + precise_atan2(d.x, -d.z) / TWO_PI,

@@ -1,9 +1,10 @@
 // Encodings of colors with eight bits per channel: linear, sRGB, or mantissas with a shared exponent in the alpha channel.
 #define_import_path bevy_restir::common::texel
 
+#import bevy_restir::common::constants::LEAST_STORED_COLOR
 #import bevy_restir::common::math::is_finite_3
 
-// Equal to `Encoding` in src/scene/texture/atlas.rs.
+// A test holds them equal to `Encoding` in src/scene/texture/atlas.rs.
 const ENCODING_LINEAR: u32 = 0u;
 const ENCODING_SRGB: u32 = 1u;
 const ENCODING_SHARED_EXPONENT: u32 = 2u;
@@ -26,7 +27,7 @@ fn shared_exponent_to_linear(c: vec4<f32>) -> vec3<f32> {
 fn linear_to_shared_exponent(color: vec3<f32>) -> vec4<f32> {
     let c = clamp(color, vec3<f32>(0.0), vec3<f32>(1.0e30));
     let largest = max(max(c.r, c.g), c.b);
-    if !is_finite_3(color) || !(largest > 1.0e-30) {
+    if !is_finite_3(color) || !(largest > LEAST_STORED_COLOR) {
         return vec4<f32>(0.0);
     }
     let exponent = floor(log2(largest)) + 1.0;

@@ -32,17 +32,25 @@ fn base_specular_albedo(b: Bsdf, wo: vec3<f32>) -> vec3<f32> {
     return reflectance(b, cosine) + transmitted_share(b, cosine);
 }
 
-// Whether a surface has lobes with this albedo.  Darker ones count as black.
+// An albedo counts as black if no component is above this bound.
+const BLACK_ALBEDO: f32 = 1.0e-4;
+
+// Whether a surface has lobes with this albedo.
 fn has_albedo(albedo: vec3<f32>) -> bool {
-    return max_component(albedo) > 1.0e-4;
+    return max_component(albedo) > BLACK_ALBEDO;
 }
 
 // Channels whose albedo is below this share of the greatest one say too little about the light.
 const LEAST_ALBEDO_SHARE: f32 = 0.02;
+// Floors of divisors, for albedos that are not black.  Channels that say enough about the light are above LEAST_ALBEDO_SHARE * BLACK_ALBEDO,
+// which is 2e-6: LEAST_CHANNEL only keeps the quotients of other channels finite, which are not used.  The luminance is above 7e-6, that of
+// BLACK_ALBEDO in blue alone: LEAST_LUMINANCE changes the quotient of the darkest blues only, by less than a third.
+const LEAST_CHANNEL: f32 = 1.0e-6;
+const LEAST_LUMINANCE: f32 = 1.0e-5;
 
 // Light that arrives, from light that leaves.  Channels that hardly reflect get the light of the others.
 fn without_albedo(light: vec3<f32>, albedo: vec3<f32>) -> vec3<f32> {
-    let gray = luminance(light) / max(luminance(albedo), 1.0e-5);
+    let gray = luminance(light) / max(luminance(albedo), LEAST_LUMINANCE);
     let greatest = max_component(albedo);
-    return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_ALBEDO_SHARE * greatest));
+    return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(LEAST_CHANNEL)), albedo > vec3<f32>(LEAST_ALBEDO_SHARE * greatest));
 }

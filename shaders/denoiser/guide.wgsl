@@ -1,7 +1,7 @@
 // The guide: what the denoiser knows of the surface of each pixel.  Pixels with similar surfaces share their light.
 #define_import_path bevy_restir::denoiser::guide
 
-#import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
+#import bevy_restir::common::math::{exponential_decay, octahedral_decode, octahedral_encode}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{clip_of, eye_of, is_orthographic}
 #import bevy_restir::view::types::Camera
@@ -73,5 +73,5 @@ fn plane_weight(own: Guide, other_depth: f32, offset: vec2<f32>) -> f32 {
     let expected = own.depth + unit * dot(own.slope, offset);
     // Where the plane is steep, its depth within a pixel is uncertain.
     let tolerance = unit * (PLANE_DISTANCE + 0.5 * (abs(own.slope.x) + abs(own.slope.y)));
-    return exp(-abs(other_depth - expected) / tolerance);
+    return exponential_decay(abs(other_depth - expected) / tolerance);
 }

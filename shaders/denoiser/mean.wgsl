@@ -1,7 +1,7 @@
 // The mean of a pixel's light over frames, in memory.
 #define_import_path bevy_restir::denoiser::mean
 
-#import bevy_restir::common::constants::HALF_BOUND
+#import bevy_restir::common::constants::{HALF_BOUND, LEAST_DIVISOR}
 #import bevy_restir::common::math::luminance
 
 struct Mean {
@@ -16,7 +16,7 @@ fn no_mean() -> Mean {
 
 // The second moment is stored as the variance relative to the square of the mean.
 fn mean_pack(m: Mean) -> vec4<u32> {
-    let relative = min(variance_of(m) / max(squared_luminance(m), 1.0e-37), HALF_BOUND);
+    let relative = min(variance_of(m) / max(squared_luminance(m), LEAST_DIVISOR), HALF_BOUND);
     return vec4<u32>(bitcast<vec3<u32>>(m.color), pack2x16float(vec2<f32>(relative, m.frames)));
 }
 

@@ -2,6 +2,7 @@
 // z is negated before the lookup.
 #define_import_path bevy_restir::light::cube
 
+#import bevy_restir::common::constants::LEAST_MAGNITUDE
 #import bevy_restir::common::math::clean_radiance
 #import bevy_restir::view::bindings::environment_map
 
@@ -35,7 +36,7 @@ fn cube_side() -> i32 {
 fn cube_point(d: vec3<f32>) -> CubePoint {
     let size = abs(d);
     if size.x >= size.y && size.x >= size.z {
-        return CubePoint(select(1u, 0u, d.x > 0.0), vec2<f32>(select(d.z, -d.z, d.x > 0.0), -d.y) / max(size.x, 1.0e-30));
+        return CubePoint(select(1u, 0u, d.x > 0.0), vec2<f32>(select(d.z, -d.z, d.x > 0.0), -d.y) / max(size.x, LEAST_MAGNITUDE));
     }
     if size.y >= size.z {
         return CubePoint(select(3u, 2u, d.y > 0.0), vec2<f32>(d.x, select(-d.z, d.z, d.y > 0.0)) / size.y);

@@ -11,7 +11,7 @@
 #import bevy_restir::light::point::{point_emission_pdf, point_emitted_ray}
 #import bevy_restir::light::rect::rect_emitted_ray
 #import bevy_restir::light::remap::light_record
-#import bevy_restir::light::select::{light_pmf, light_select}
+#import bevy_restir::light::select::light_pmf
 #import bevy_restir::light::sphere::{sphere_emission_density, sphere_emitted_ray, sphere_pdf_scale}
 #import bevy_restir::light::triangle::{triangle_emission_density, triangle_emitted_ray}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
@@ -21,13 +21,8 @@
 // Greatest start of a ray, relative to the size of the light.
 const EXTENT_TOLERANCE: f32 = 0x1p-8;
 
-// Samples a light and one of its rays.  The probability of the light is part of `power` and `pdf_point`.
-fn sample_emission(u_light: vec2<f32>, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
-    return sample_emission_of(light_select(u_light).light, u_point, u_direction, false);
-}
-
-// Samples a ray of a light of this frame's table, now or (`previous`) as it was in the last frame.  The probability of the light is that of
-// this frame.
+// Samples a ray of a light of this frame's table, now or (`previous`) as it was in the last frame.  The probability of the light, which is
+// part of `power` and `pdf_point`, is that of this frame.
 fn sample_emission_of(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
     let pmf = light_pmf(light);
     if !(pmf > 0.0) {

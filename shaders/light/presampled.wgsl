@@ -2,7 +2,7 @@
 // so that it does not read the tables of lights, triangles and materials.
 #define_import_path bevy_restir::light::presampled
 
-#import bevy_restir::common::constants::{LIGHT_TRIANGLE, NONE}
+#import bevy_restir::common::constants::{LEAST_DIVISOR, LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded, raise, raised_guards}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
@@ -73,7 +73,7 @@ fn presample_unguarded(u: vec4<f32>) -> PresampledLight {
 fn with_radiance(s: PresampledLight, radiance: vec3<f32>, flags: u32) -> PresampledLight {
     var packed = s;
     packed.radiance_scale = max_component(radiance);
-    let shares = 1023.0 * clamp(radiance / max(packed.radiance_scale, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0));
+    let shares = 1023.0 * clamp(radiance / max(packed.radiance_scale, LEAST_DIVISOR), vec3<f32>(0.0), vec3<f32>(1.0));
     let share = select(vec3<u32>(shares + 0.5), vec3<u32>(1u), (radiance > vec3<f32>(0.0)) & (shares < vec3<f32>(1.0)));
     packed.color = share.x | (share.y << 10u) | (share.z << 20u) | flags;
     return packed;

@@ -1,6 +1,7 @@
 // Rectangular lights: uniform radiance from the front side, sampled uniformly in area.  Rays pass through them.
 #define_import_path bevy_restir::light::rect
 
+#import bevy_restir::common::constants::LEAST_MAGNITUDE
 #import bevy_restir::light::emitted_ray::{area_emitted_ray, EmittedRay, no_emitted_ray}
 #import bevy_restir::light::types::{area_density, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
@@ -78,7 +79,7 @@ fn rect_uv(coordinates: u32) -> vec2<f32> {
 fn rect_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     let r = rect_of(light);
     let slope = dot(direction, r.normal);
-    let t = dot(lights[light].position - origin, r.normal) / min(slope, -1.0e-30);
+    let t = dot(lights[light].position - origin, r.normal) / min(slope, -LEAST_MAGNITUDE);
     let uv = rect_uv_at(light, origin + t * direction);
     let is_hit = slope < 0.0 && t > 0.0 && all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
     return select(-1.0, t, is_hit);

@@ -5,7 +5,7 @@
 // over all directions from inside (Shirley, Wang and Zimmerman 1996).  `LightSample::pdf_scale` is the ratio of the two densities.
 #define_import_path bevy_restir::light::sphere
 
-#import bevy_restir::common::constants::{FOUR_PI, TWO_PI}
+#import bevy_restir::common::constants::{FOUR_PI, LEAST_DIVISOR, LEAST_MAGNITUDE, TWO_PI}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode, orthonormal_basis}
 #import bevy_restir::light::emitted_ray::{area_emission_density, area_emitted_ray, EmittedRay, no_emitted_ray}
 #import bevy_restir::light::types::{area_density, LightSample, no_light_sample}
@@ -56,7 +56,7 @@ fn sphere_emission_density(l: LightSample) -> f32 {
 fn sphere_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
     let d = at - ray.origin;
     let radius = sphere_radius(ray.light);
-    let projected = max(dot(ray.normal, ray.direction), 1.0e-30) * FOUR_PI * radius * radius;
+    let projected = max(dot(ray.normal, ray.direction), LEAST_MAGNITUDE) * FOUR_PI * radius * radius;
     return sphere_solid_angle_pdf(ray.light, at) * projected / dot(d, d);
 }
 
@@ -69,7 +69,7 @@ fn sphere_solid_angle_pdf(light: u32, from_point: vec3<f32>) -> f32 {
 fn subtended_cone(light: u32, from_point: vec3<f32>) -> vec2<f32> {
     let radius = sphere_radius(light);
     let d = lights[light].position - from_point;
-    let sine2 = clamp(radius * radius / max(dot(d, d), 1.0e-37), 1.0e-30, 1.0);
+    let sine2 = clamp(radius * radius / max(dot(d, d), LEAST_DIVISOR), LEAST_MAGNITUDE, 1.0);
     if is_inside(light, from_point) {
         return vec2<f32>(2.0, 1.0);
     }

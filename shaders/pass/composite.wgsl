@@ -2,7 +2,8 @@
 // that gizmos, transparent objects of other materials and post-processing work as usual.  The traced picture may have fewer pixels than the
 // viewport: then it is enlarged, and the surfaces of the shown pixels are known.
 
-#import bevy_restir::common::constants::{HALF_BOUND, NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_JITTERED_MEAN, VIEW_NO_BACKDROP}
+#import bevy_restir::common::constants::{HALF_BOUND, LEAST_MAGNITUDE, NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_JITTERED_MEAN, VIEW_NO_BACKDROP}
+#import bevy_restir::common::math::exponential_decay
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
@@ -151,8 +152,7 @@ fn similarity(own: Seen, other: Seen) -> f32 {
     }
     let from_plane = abs(dot(own.normal, other.position - own.position));
     let cosine = max(dot(own.normal, other.normal), 0.0);
-    // Drivers return NaN for huge exponents; exp(-200) is 0 in f32.
-    let of_shape = exp(-min(from_plane / max(own.width, 1.0e-30), 200.0)) * cosine * cosine;
+    let of_shape = exponential_decay(from_plane / max(own.width, LEAST_MAGNITUDE)) * cosine * cosine;
     return max(select(OTHER_OBJECT, 1.0, own.instance == other.instance) * of_shape, LEAST_SIMILARITY);
 }
 

@@ -15,7 +15,7 @@
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings/debug_view.rs.
+// A test holds them equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_INSTANCES: u32 = 1u;
 const DEBUG_TRIANGLES: u32 = 2u;
 const DEBUG_TRACED_INSTANCES: u32 = 3u;

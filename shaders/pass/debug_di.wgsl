@@ -12,7 +12,7 @@
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings/debug_view.rs.
+// A test holds them equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_RESERVOIR_LIGHTS: u32 = 9u;
 const DEBUG_RESERVOIR_POINTS: u32 = 10u;
 const DEBUG_RESERVOIR_WEIGHTS: u32 = 11u;

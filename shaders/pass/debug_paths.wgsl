@@ -14,7 +14,7 @@
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings/debug_view.rs.
+// A test holds them equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_PATH_ENDS: u32 = 14u;
 const DEBUG_PATH_LENGTHS: u32 = 15u;
 const DEBUG_PATH_RECONNECTIONS: u32 = 16u;

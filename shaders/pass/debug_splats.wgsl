@@ -8,7 +8,7 @@
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings/debug_view.rs.
+// A test holds them equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_LIGHT_PATH_LENGTHS: u32 = 25u;
 const DEBUG_LIGHT_PATH_WEIGHTS: u32 = 26u;
 const DEBUG_LIGHT_PATH_CONFIDENCE: u32 = 27u;

@@ -1,6 +1,6 @@
 // Debug views of the reservoirs of ReSTIR SSS, without exposure.
 
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{LEAST_MAGNITUDE, NONE}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::Hit
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -13,7 +13,7 @@
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings/debug_view.rs.
+// A test holds them equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_SUBSURFACE_DISTANCES: u32 = 32u;
 const DEBUG_SUBSURFACE_RECONNECTIONS: u32 = 33u;
 const DEBUG_SUBSURFACE_WEIGHTS: u32 = 34u;
@@ -62,7 +62,7 @@ fn entry_view(s: EntrySample, from_pixel: Receiver) -> vec3<f32> {
     if view.debug_view == DEBUG_SUBSURFACE_RECONNECTIONS {
         return select(RED, GREEN, p.is_far);
     }
-    let d = max(max_component(from_pixel.surface.radius), 1.0e-30);
+    let d = max(max_component(from_pixel.surface.radius), LEAST_MAGNITUDE);
     return vec3<f32>(distance(p.surface.position, from_pixel.surface.position) / d);
 }
 

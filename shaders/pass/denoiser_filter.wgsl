@@ -1,7 +1,8 @@
 // An iteration of the edge-avoiding à-trous filter (Dammertz et al. 2010), with weights by variance (SVGF, Schied et al. 2017): averages the
 // light of pixels that show similar surfaces and differ by no more than noise.  Each iteration doubles the distance of the pixels.
 
-#import bevy_restir::common::math::luminance
+#import bevy_restir::common::constants::LEAST_MAGNITUDE
+#import bevy_restir::common::math::{exponential_decay, luminance}
 #import bevy_restir::denoiser::guide::{Guide, guide_unpack, plane_weight}
 #import bevy_restir::denoiser::optical_image::image_guide
 #import bevy_restir::denoiser::types::{DIFFUSE, DenoiserSettings, SPECULAR}
@@ -66,7 +67,7 @@ fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
                     of_image = in_kernel * similarity(image, image_guide(textureLoad(images, other_pixel, 0)), offset);
                 }
                 let distance_in_radii = length(vec2<f32>(offset)) / radius;
-                let narrow = of_image * exp(-distance_in_radii * distance_in_radii);
+                let narrow = of_image * exponential_decay(distance_in_radii * distance_in_radii);
                 if diffuse.a >= 0.0 && shape > 0.0 {
                     sums[DIFFUSE] = with_pixel(sums[DIFFUSE], diffuse, textureLoad(signals, other_pixel, DIFFUSE, 0), shape);
                 }
@@ -110,8 +111,8 @@ fn with_pixel(sum: Sum, center: vec4<f32>, light: vec4<f32>, shape: f32) -> Sum 
     }
     let l = luminance(light.rgb);
     let own = luminance(center.rgb);
-    let tolerance = DEVIATIONS * sqrt(max(center.a, 0.0) + light.a) + LEAST_TOLERANCE * max(own, l) + 1.0e-30;
-    let weight = shape * exp(-abs(l - own) / tolerance);
+    let tolerance = DEVIATIONS * sqrt(max(center.a, 0.0) + light.a) + LEAST_TOLERANCE * max(own, l) + LEAST_MAGNITUDE;
+    let weight = shape * exponential_decay(abs(l - own) / tolerance);
     return Sum(sum.color + weight * light.rgb, sum.variance + weight * weight * light.a, sum.weight + weight);
 }
 

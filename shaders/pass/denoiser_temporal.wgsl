@@ -1,6 +1,7 @@
 // Averages the light of a pixel over frames: the mean of the last frame is taken from where its surface was.  The result, with an estimate of
 // its variance, goes to the filter.
 
+#import bevy_restir::common::constants::{LEAST_DIVISOR, LEAST_MAGNITUDE}
 #import bevy_restir::denoiser::guide::{Guide, guide_depth, guide_unpack, plane_weight}
 #import bevy_restir::denoiser::optical_image::image_guide
 #import bevy_restir::denoiser::mean::{add_mean, bounded_luminance, Mean, mean_pack, mean_unpack, no_mean, variance_of}
@@ -245,7 +246,7 @@ fn with_brightest(brightest: vec3<f32>, l: f32) -> vec3<f32> {
 
 // Noise of four pixels relative to their mean: the diagonal Haar coefficient.  It is 0 for a gradient, and for an edge along the pixels.
 fn grain_of(quad: vec4<f32>) -> f32 {
-    return 2.0 * abs(quad.x - quad.y - quad.z + quad.w) / max(dot(quad, vec4<f32>(1.0)), 1.0e-30);
+    return 2.0 * abs(quad.x - quad.y - quad.z + quad.w) / max(dot(quad, vec4<f32>(1.0)), LEAST_MAGNITUDE);
 }
 
 // Relative change of the light that no history is shortened for.
@@ -260,7 +261,7 @@ fn frames_for_change(around: Neighborhood) -> f32 {
     let least = LEAST_CHANGE * around.light.x / around.count;
     let compared = max(around.compared, 1.0);
     let change = max(abs(around.change) / compared - least, 0.0);
-    return FRAMES_OF_NOISE * (around.noise / compared + least * least) / max(change * change, 1.0e-37);
+    return FRAMES_OF_NOISE * (around.noise / compared + least * least) / max(change * change, LEAST_DIVISOR);
 }
 
 // Frames that count as one in the variance of a mean, because reuse gives them the same samples.

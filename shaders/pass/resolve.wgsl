@@ -2,12 +2,13 @@
 // a multiple of that of the pixels around (`limited`), and sums up frames while they are accumulated.  With TO_DENOISER the light goes to the
 // denoiser instead, without its albedo and beside the guide.
 
+#import bevy_restir::common::constants::LEAST_MAGNITUDE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::{add_to_sum, guarded_pixel}
 #ifdef TO_DENOISER
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{LEAST_DIVISOR, NONE}
 #import bevy_restir::denoiser::albedo::{albedo_of, has_albedo, without_albedo}
 #import bevy_restir::denoiser::guide::{Guide, guide_depth, guide_pack, no_guide, plane_slope}
 #import bevy_restir::denoiser::optical_image::{is_image, with_image}
@@ -56,7 +57,7 @@ fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
     let s = primary_surface(ids, pixel, false);
     let image = textureLoad(images, min(pixel, textureDimensions(images) - 1u), 0);
     let albedo = with_image(albedo_of(s.surface.bsdf, s.wo), image);
-    let share = scattered.a / max(luminance(light), 1.0e-37);
+    let share = scattered.a / max(luminance(light), LEAST_DIVISOR);
     let diffuse = select(0.0, min(share, 1.0), share > 0.0);
     textureStore(signals, pixel, DIFFUSE, signal(light * diffuse, albedo.diffuse));
     textureStore(signals, pixel, SPECULAR, signal(light * (1.0 - diffuse), albedo.specular));
@@ -119,7 +120,7 @@ fn limited(light: vec4<f32>, pixel: vec2<u32>, instance: u32) -> vec4<f32> {
     if neighbors < FEWEST_NEIGHBORS {
         return light;
     }
-    return light * min(view.firefly_limit * brightest / max(luminance(light.rgb), 1.0e-30), 1.0);
+    return light * min(view.firefly_limit * brightest / max(luminance(light.rgb), LEAST_MAGNITUDE), 1.0);
 }
 
 #ifdef SUBSURFACE

@@ -1,5 +1,6 @@
 // Candidates of light sub-paths whose last edge cannot be reconnected: one of those that land in a pixel, which stands for all of them.
 
+#import bevy_restir::common::constants::LEAST_DIVISOR
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, guarded}
 #import bevy_restir::common::math::{is_finite_3, luminance}
 #import bevy_restir::common::rng::STREAM_LIGHT_PATHS
@@ -28,13 +29,13 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     var r = no_reservoir();
     if landed.chosen != 0u {
         r = sample_of(landed.chosen);
-        r.ucw = guarded(luminance(landed.sum) / max(luminance(r.f), 1.0e-37), GUARD_CONTRIBUTION_WEIGHT);
+        r.ucw = guarded(luminance(landed.sum) / max(luminance(r.f), LEAST_DIVISOR), GUARD_CONTRIBUTION_WEIGHT);
     }
     // The candidates of a pixel count as one sample, however many of them land in it.
     r.confidence = 1.0;
     // The color of all splats, scaled to the luminance of the chosen one.  Where something changed, MIS weights differ between the splats
     // of a pixel, and a weight holds for the color of its own splat only.
-    let color = select(landed.sum / max(r.ucw, 1.0e-37), r.f, has_changed());
+    let color = select(landed.sum / max(r.ucw, LEAST_DIVISOR), r.f, has_changed());
     let contribution = select(vec3<f32>(0.0), color, r.ucw > 0.0 && is_finite_3(color));
     reservoirs[reservoir_index(pixel)] = reservoir_pack(r);
     textureStore(contributions, pixel, vec4<f32>(contribution, pack_share(share_of(landed.diffuse, landed.sum))));

@@ -6,7 +6,7 @@
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_eval, bsdf_pdf}
 #import bevy_restir::bsdf::coat::coat_share
 #import bevy_restir::bsdf::types::{BsdfSample, bsdf_is_thin, LOBE_COAT}
-#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::constants::{FAR, LEAST_DIVISOR, LEAST_MAGNITUDE, NONE}
 #import bevy_restir::common::guard::{GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::{Hit, Ray}
@@ -101,13 +101,13 @@ fn begin_light_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> Ligh
 // State of the first ray before it arrives at `at`.
 fn first_state(ray: EmittedRay, at: vec3<f32>) -> MisState {
     let d = at - ray.origin;
-    let d2 = max(dot(d, d), 1.0e-37);
+    let d2 = max(dot(d, d), LEAST_DIVISOR);
     var light_density = ray.pdf_point;
     var emission_density = ray.pdf_direction;
     if !is_at_infinity(ray.light) {
         emission_density /= d2;
         if ray.delta == 0u {
-            light_density *= d2 / max(dot(ray.normal, ray.direction), 1.0e-30);
+            light_density *= d2 / max(dot(ray.normal, ray.direction), LEAST_MAGNITUDE);
         }
     }
     return mis_light_start(nee_pdf_scale(ray, at) * light_density, light_density, emission_density, ray.delta != 0u);
@@ -186,9 +186,9 @@ fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample
     if b.lobe == LOBE_COAT {
         n = s.bsdf.coat_normal;
     } else {
-        value *= (1.0 - coat_share(out.bsdf, b.wi)) / max(1.0 - coat_share(s.bsdf, towards_light), 1.0e-30);
+        value *= (1.0 - coat_share(out.bsdf, b.wi)) / max(1.0 - coat_share(s.bsdf, towards_light), LEAST_MAGNITUDE);
     }
-    let shading = abs(dot(n, towards_light)) / max(abs(dot(n, b.wi)), 1.0e-30);
+    let shading = abs(dot(n, towards_light)) / max(abs(dot(n, b.wi)), LEAST_MAGNITUDE);
     return value * (shading / arrival_cosine(s, towards_light));
 }
 

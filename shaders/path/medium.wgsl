@@ -3,7 +3,7 @@
 
 #import bevy_restir::bsdf::types::bsdf_is_thin
 #import bevy_restir::common::constants::FAR
-#import bevy_restir::common::math::max_component
+#import bevy_restir::common::math::{exponential_decay_3, max_component}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::{Surface, surface_at}
 
@@ -34,8 +34,7 @@ fn absorbs(medium: vec3<f32>) -> bool {
 
 // A ray that escapes from the scene is not absorbed: it has no length, and the object around its origin is open.
 fn transmittance(medium: vec3<f32>, distance: f32) -> vec3<f32> {
-    // Drivers return NaN for huge exponents; exp(-200) is 0 in f32.
-    return exp(-min(medium * select(distance, 0.0, distance >= FAR), vec3<f32>(200.0)));
+    return exponential_decay_3(medium * select(distance, 0.0, distance >= FAR));
 }
 #else
 fn absorbs(medium: vec3<f32>) -> bool {

@@ -9,6 +9,7 @@
 // are the canonical ones.
 #define_import_path bevy_restir::restir::mis
 
+#import bevy_restir::common::constants::LEAST_MAGNITUDE
 #import bevy_restir::common::guard::{GUARD_MIS_WEIGHT, guard_holds, guarded}
 #import bevy_restir::common::math::quotient
 
@@ -106,7 +107,7 @@ fn total_confidence(inputs: ptr<function, MisInputs>) -> f32 {
     for (var i = 0u; i < (*inputs).count; i++) {
         sum += (*inputs).confidence[i];
     }
-    return max(sum, 1.0e-30);
+    return max(sum, LEAST_MAGNITUDE);
 }
 
 // Weight by confidence, and by the target too if `by_target`; otherwise over the pixels whose target is positive.

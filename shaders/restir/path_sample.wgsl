@@ -60,7 +60,7 @@ fn shift_result(p: PathSample) -> ShiftResult {
 }
 
 fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
-    var p = with_light_of(s, r.radiance, r.mis_coefficients, r.density, r.target_value);
+    var p = with_shifted_fields(s, r.radiance, r.mis_coefficients, r.density, r.target_value);
     p.instance = r.vertex.x;
     p.triangle = r.vertex.y;
     p.barycentrics = r.barycentrics;
@@ -80,11 +80,12 @@ fn shift_result(p: PathSample) -> ShiftResult {
 }
 
 fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
-    return with_light_of(s, r.radiance, r.mis_coefficients, r.density, r.target_value);
+    return with_shifted_fields(s, r.radiance, r.mis_coefficients, r.density, r.target_value);
 }
 #endif
 
-fn with_light_of(s: PathSample, radiance: vec3<f32>, mis_coefficients: vec2<f32>, density: f32, target_value: f32) -> PathSample {
+// Sets the fields that every shift changes.
+fn with_shifted_fields(s: PathSample, radiance: vec3<f32>, mis_coefficients: vec2<f32>, density: f32, target_value: f32) -> PathSample {
     var p = s;
     p.radiance = radiance;
     p.mis_coefficients = mis_coefficients;

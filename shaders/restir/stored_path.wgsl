@@ -1,7 +1,7 @@
 // The reservoir of a path, and the packing that ReSTIR PT, GI and BDPT share (`reservoir.wgsl` in their rooms).
 #define_import_path bevy_restir::restir::stored_path
 
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{LEAST_STORED_COLOR, NONE}
 #import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, is_sound}
 #import bevy_restir::common::math::{max_component, octahedral_decode, octahedral_encode}
 #import bevy_restir::restir::path_sample::{decode_barycentrics, encode_barycentrics, no_path_sample, PathSample}
@@ -72,11 +72,11 @@ fn index_or_none(index: u32, missing: u32) -> u32 {
     return select(index, NONE, index == missing);
 }
 
-// 18 bits a channel and a shared exponent of 8: exact to 2^-18 of the greatest channel.  Radiance below 1e-30 is stored as black, and
-// above 1e38 as 1e38.
+// 18 bits a channel and a shared exponent of 8: exact to 2^-18 of the greatest channel.  Radiance below LEAST_STORED_COLOR is stored
+// as black, and above 1e38 as 1e38.
 fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
     let greatest = min(max_component(c), 1.0e38);
-    if !(greatest > 1.0e-30) {
+    if !(greatest > LEAST_STORED_COLOR) {
         return vec2<u32>(0u);
     }
     // The biased exponent of the power of two above it; 2^(145 - exponent) scales smaller values to 18 bits.

@@ -25,7 +25,7 @@
 @group(0) @binding(11) var subsurfaces: texture_2d<f32>;
 // Vertex colors: three texels per triangle.
 @group(0) @binding(12) var vertex_colors: texture_2d<f32>;
-// Elements per row, equal to `ELEMENTS_PER_ROW` in src/scene/storage/data_texture.rs.
+// Elements per row; a test holds it equal to `ELEMENTS_PER_ROW` in src/scene/storage/data_texture.rs.
 const ELEMENTS_PER_ROW: u32 = 1024u;
 
 // First texel of an element that has this number of texels.

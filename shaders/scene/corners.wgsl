@@ -1,7 +1,7 @@
 // Attributes of the corners of a stored triangle (`stored_triangle`): texture coordinates, and normals and tangents in object space.
 #define_import_path bevy_restir::scene::corners
 
-#import bevy_restir::common::constants::FAR
+#import bevy_restir::common::constants::{FAR, LEAST_MAGNITUDE}
 #import bevy_restir::common::math::{max_component, octahedral_decode}
 #import bevy_restir::scene::bindings::{triangles, vertices}
 #import bevy_restir::scene::triangle::{Corners, corners_of, safe_normalize, triangle_normal}
@@ -77,11 +77,11 @@ fn corner_tangents(stored: u32) -> CornerTangents {
 fn uv_directions(p: Corners, uvs: CornerUvs) -> UvDirections {
     let edge_b = p.b - p.a;
     let edge_c = p.c - p.a;
-    let extent = max(max_component(max(abs(edge_b), abs(edge_c))), 1.0e-30);
+    let extent = max(max_component(max(abs(edge_b), abs(edge_c))), LEAST_MAGNITUDE);
     let uv_b = uvs.b - uvs.a;
     let uv_c = uvs.c - uvs.a;
     let uv_sizes = max(abs(uv_b), abs(uv_c));
-    let uv_extent = clamp(max(uv_sizes.x, uv_sizes.y), 1.0e-30, FAR);
+    let uv_extent = clamp(max(uv_sizes.x, uv_sizes.y), LEAST_MAGNITUDE, FAR);
     let b = uv_b / uv_extent;
     let c = uv_c / uv_extent;
     let area = b.x * c.y - c.x * b.y;

@@ -3,7 +3,7 @@
 #define_import_path bevy_restir::scene::lobes
 
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::constants::{ALPHA_DELTA, ALPHA_MIN}
+#import bevy_restir::common::constants::{ALPHA_DELTA, ALPHA_MIN, LEAST_MAGNITUDE}
 #import bevy_restir::common::math::orthonormal_basis
 #import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::material::MaterialPoint
@@ -92,7 +92,7 @@ fn mean_roughness(b: Bsdf) -> f32 {
 fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
     let t = along - dot(along, n) * n;
     let t2 = dot(t, t);
-    return select(orthonormal_basis(n)[0], t * inverseSqrt(max(t2, 1.0e-30)), t2 > 1.0e-8);
+    return select(orthonormal_basis(n)[0], t * inverseSqrt(max(t2, LEAST_MAGNITUDE)), t2 > 1.0e-8);
 }
 #else
 fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: TangentFrame, wo: vec3<f32>) -> Bsdf {

@@ -2,7 +2,7 @@
 // of them, so that the sampling code is compiled once.
 #define_import_path bevy_restir::scene::material
 
-#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_UNLIT, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
+#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, LEAST_DIVISOR, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_UNLIT, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::scene::bindings::{element_texel, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
@@ -143,7 +143,7 @@ fn cone_footprint(cone: Cone, t: WorldTriangle, wo: vec3<f32>) -> vec4<f32> {
     let along = safe_normalize(select(slant, t.edge_b, dot(slant, slant) < 1.0e-6));
     let long = along * (cone.width / max(abs(cosine), 1.0e-3));
     let short = cross(t.normal, along) * cone.width;
-    let scale = 1.0 / max(2.0 * t.area, 1.0e-37);
+    let scale = 1.0 / max(2.0 * t.area, LEAST_DIVISOR);
     let footprint = scale * vec4<f32>(
         dot(cross(long, t.edge_c), t.normal),
         dot(cross(t.edge_b, long), t.normal),

@@ -1,7 +1,7 @@
 // Parameters of subsurface scattering at a point.  Without SUBSURFACE nothing scatters below its surface.
 #define_import_path bevy_restir::scene::subsurface
 
-#import bevy_restir::common::constants::{INSTANCE_SUBSURFACE, INSTANCE_SUBSURFACE_SHIFT}
+#import bevy_restir::common::constants::{INSTANCE_SUBSURFACE, INSTANCE_SUBSURFACE_SHIFT, LEAST_MAGNITUDE}
 #import bevy_restir::scene::bindings::{element_texel, instances, subsurfaces}
 
 struct SubsurfacePoint {
@@ -24,7 +24,7 @@ fn subsurface_at(instance: u32, base_color: vec3<f32>, front: bool, footprint: f
     let index = flags >> INSTANCE_SUBSURFACE_SHIFT;
     let record = textureLoad(subsurfaces, element_texel(index, 1u), 0);
     let radius = subsurface_radius(record.rgb, base_color);
-    let smallest = max(max(PIXEL_SHARE * footprint, OFFSET_FACTOR * offset), 1.0e-30);
+    let smallest = max(max(PIXEL_SHARE * footprint, OFFSET_FACTOR * offset), LEAST_MAGNITUDE);
     let ramp = clamp(radius / smallest - 1.0, vec3<f32>(0.0), vec3<f32>(1.0));
     return SubsurfacePoint(record.a * ramp, select(vec3<f32>(0.0), radius, ramp > vec3<f32>(0.0)));
 }

@@ -3,7 +3,7 @@
 // result and no sampler is bound.
 #define_import_path bevy_restir::scene::texture
 
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{LEAST_MAGNITUDE, NONE}
 #import bevy_restir::common::math::wrapped_index
 #import bevy_restir::common::texel::{decode_texel, ENCODING_LINEAR, ENCODING_SHARED_EXPONENT, ENCODING_SRGB}
 #import bevy_restir::scene::bindings::atlas
@@ -125,8 +125,8 @@ fn ellipse_axes(a: vec2<f32>, b: vec2<f32>) -> vec4<f32> {
     let long = sqrt(0.5 * (square.x + square.y) + radius);
     let direction = select(vec2<f32>(mixed, radius - half), vec2<f32>(radius + half, mixed), half >= 0.0);
     let length_squared = dot(direction, direction);
-    let unit = select(vec2<f32>(1.0, 0.0), direction * inverseSqrt(max(length_squared, 1.0e-30)), length_squared > 1.0e-30);
-    return vec4<f32>(unit, long, abs(a.x * b.y - a.y * b.x) / max(long, 1.0e-30));
+    let unit = select(vec2<f32>(1.0, 0.0), direction * inverseSqrt(max(length_squared, LEAST_MAGNITUDE)), length_squared > LEAST_MAGNITUDE);
+    return vec4<f32>(unit, long, abs(a.x * b.y - a.y * b.x) / max(long, LEAST_MAGNITUDE));
 }
 
 // Mean over a footprint: samples along the long axis, each from the two mip levels around the length of the short axis.

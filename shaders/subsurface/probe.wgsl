@@ -153,8 +153,8 @@ fn inverse_probe(offset: vec3<f32>, n_geo: vec3<f32>, frame: mat3x3<f32>, radius
     return probe;
 }
 
-// Whether the techniques of a channel can find a point.  TEST_*: errors that tests plant.
-#ifdef TEST_NO_REACH
+// Whether the techniques of a channel can find a point.  PLANT_*: errors that tests plant.
+#ifdef PLANT_NO_REACH
 fn reaches(d: f32, r: f32) -> bool {
     return d > 0.0;
 }
@@ -164,7 +164,7 @@ fn reaches(d: f32, r: f32) -> bool {
 }
 #endif
 
-#ifdef TEST_ONE_AXIS
+#ifdef PLANT_ONE_AXIS
 fn sum_of_axes(densities: vec3<f32>) -> f32 {
     return densities.x;
 }

@@ -13,7 +13,7 @@
 
 #ifdef SPLIT_LIGHT
 const SPLITS_LIGHT: bool = true;
-// Equal to the order of `DebugView` in src/settings/debug_view.rs.
+// A test holds them equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_DIFFUSE_LIGHT: u32 = 29u;
 const DEBUG_SPECULAR_LIGHT: u32 = 30u;
 

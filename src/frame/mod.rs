@@ -5,7 +5,7 @@ pub(crate) mod composite;
 mod executor;
 pub(crate) mod pipelines;
 mod recorder;
-mod resource;
+pub(crate) mod resource;
 mod visibility;
 
 use bevy::{

@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// Binding of the counters (`shaders/view/counter_bindings.wgsl`), above those of all other resources.
-const COUNTERS_BINDING: u32 = 15;
+pub const COUNTERS_BINDING: u32 = 15;
 
 /// The resources of a pass with their bindings.
 fn bindings(pass: &ComputePass) -> impl Iterator<Item = (u32, R)> {

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Inputs of the resampling routine without `MANY_NEIGHBORS` (`MAX_INPUTS` in `shaders/restir/mis.wgsl`).
-pub(crate) const FEW_INPUTS: u32 = 3;
+pub const FEW_INPUTS: u32 = 3;
 /// Least radius, pixels: a smaller ring around the pixel contains hardly any other pixels.
 const MIN_RADIUS: f32 = 2.0;
 /// Side of a tile of partners, in radii.  With it, two random pixels of a tile are as far apart on average as a pixel and a random neighbor
@@ -18,9 +18,9 @@ const PAIR_TILE: f32 = 1.28;
 /// Layers of shifts beyond the neighbors that a pixel asks for, so that it can also serve partners that found few others.
 const SPARE_PAIR_LAYERS: u32 = 1;
 /// Greatest number of layers: inputs of the resampling routine with `MANY_NEIGHBORS`, besides the pixel's own.
-const MAX_PAIR_LAYERS: u32 = 6;
+pub const MAX_PAIR_LAYERS: u32 = 6;
 /// Greatest number of iterations in a frame: one over the last frame, and four over this one.
-pub(crate) const MAX_ITERATIONS: usize = 5;
+pub const MAX_ITERATIONS: usize = 5;
 
 /// How an iteration finds neighbors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -18,6 +18,10 @@ use crate::{
 /// Bytes of a light sub-path's entries in the light map.
 const SPLATS_SIZE: u64 = 4 * (SPLATS_OF_A_PATH * SPLAT_WORDS) as u64;
 
+/// Greatest number of light sub-paths of a frame.  The random number that chooses one of them has 24 bits, and a texture of WebGPU's least
+/// size holds the vertices of as many.
+pub const MAX_LIGHT_PATHS: u64 = 1 << 24;
+
 /// Light sub-paths of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LightPathCounts {
@@ -47,11 +51,10 @@ impl LightPathCounts {
     }
 }
 
-/// Number of light sub-paths that the settings ask for.  The random number that chooses one of them has 24 bits, and a texture of WebGPU's
-/// least size holds the vertices of 2^24.
+/// Number of light sub-paths that the settings ask for.
 fn wanted(settings: &Bdpt, size: UVec2) -> u64 {
     let count = (f64::from(settings.light_paths) * pixels(size) as f64).round() as u64;
-    count.min(1 << 24)
+    count.min(MAX_LIGHT_PATHS)
 }
 
 /// Bytes of the heads of lists, with which the light map begins.

@@ -271,7 +271,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "one light path stands for all that land in its pixel",
         "pass/splats.wgsl",
-        "guarded(luminance(landed.sum) / max(luminance(r.f), 1.0e-37), GUARD_CONTRIBUTION_WEIGHT)",
+        "guarded(luminance(landed.sum) / max(luminance(r.f), LEAST_DIVISOR), GUARD_CONTRIBUTION_WEIGHT)",
         "1.0",
         CAUSTICS,
     ),

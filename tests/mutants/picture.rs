@@ -112,15 +112,15 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "surfaces of every depth are similar",
         "denoiser/guide.wgsl",
-        "return exp(-abs(other_depth - expected) / tolerance);",
+        "return exponential_decay(abs(other_depth - expected) / tolerance);",
         "return 1.0;",
         &["denoised_objects_keep_their_edges"],
     ),
     mutant(
         "textures are filtered with the light",
         "denoiser/albedo.wgsl",
-        "return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_ALBEDO_SHARE * greatest));",
-        "return light / max(luminance(albedo), 1.0e-6);",
+        "return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(LEAST_CHANNEL)), albedo > vec3<f32>(LEAST_ALBEDO_SHARE * greatest));",
+        "return light / max(luminance(albedo), LEAST_LUMINANCE);",
         &["textures_stay_sharp"],
     ),
     mutant(
@@ -168,7 +168,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "mirrors are filtered as widely as rough surfaces",
         "pass/denoiser_filter.wgsl",
-        "let narrow = of_image * exp(-distance_in_radii * distance_in_radii);",
+        "let narrow = of_image * exponential_decay(distance_in_radii * distance_in_radii);",
         "let narrow = of_image;",
         &["reflections_stay_sharp"],
     ),

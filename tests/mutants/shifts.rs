@@ -25,21 +25,21 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the forward footprint is not tested",
         "restir/shift/reconnection.wgsl",
-        "return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);",
+        "return a.rough && is_apart(a.position, position, n_geo, a.pdf, c.kind, c.separation);",
         "return a.rough;",
         &[CRITERIA],
     ),
     mutant(
         "the roughness before the reconnection is not tested",
         "restir/shift/reconnection.wgsl",
-        "return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);",
-        "return is_apart(a.position, position, n_geo, a.pdf, c);",
+        "return a.rough && is_apart(a.position, position, n_geo, a.pdf, c.kind, c.separation);",
+        "return is_apart(a.position, position, n_geo, a.pdf, c.kind, c.separation);",
         &[CRITERIA],
     ),
     mutant(
         "the inverse footprint is not tested",
         "restir/shift/reconnection.wgsl",
-        "&& (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));",
+        "&& (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c.kind, c.separation));",
         ";",
         &[CRITERIA],
     ),
@@ -117,8 +117,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the geometry factor lacks the cosine",
         "restir/shift/reconnection.wgsl",
-        "return abs(dot(n_geo, d)) * inverseSqrt(max(d2, 1.0e-37)) / max(d2, 1.0e-37);",
-        "return 1.0 / max(d2, 1.0e-37);",
+        "return abs(dot(n_geo, d)) * inverseSqrt(max(d2, LEAST_DIVISOR)) / max(d2, LEAST_DIVISOR);",
+        "return 1.0 / max(d2, LEAST_DIVISOR);",
         &["packing_and_jacobian", "the_jacobian_is_the_change_of_measure"],
     ),
     mutant(

@@ -79,8 +79,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "lobes are chosen by the albedo of the others",
         "bsdf/lobe_choice.wgsl",
-        "let p = albedo.y / max(albedo.y + albedo.x, 1.0e-37);",
-        "let p = albedo.x / max(albedo.y + albedo.x, 1.0e-37);",
+        "let p = albedo.y / max(albedo.y + albedo.x, LEAST_DIVISOR);",
+        "let p = albedo.x / max(albedo.y + albedo.x, LEAST_DIVISOR);",
         BSDF,
     ),
     // Textures, levels of detail, alpha.
@@ -165,7 +165,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "absorption is linear",
         "path/medium.wgsl",
-        "return exp(-min(medium * select(distance, 0.0, distance >= FAR), vec3<f32>(200.0)));",
+        "return exponential_decay_3(medium * select(distance, 0.0, distance >= FAR));",
         "return max(1.0 - medium * distance, vec3<f32>(0.0));",
         &["material_lobes"],
     ),

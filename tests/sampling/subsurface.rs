@@ -440,7 +440,7 @@ fn one_over_the_density_integrates_the_profile() {
     let (right, error) = mean(&["SUBSURFACE"]);
     println!("marginal: {right:.5} +- {error:.5} for {exact:.5}");
     assert!(error < 1.5e-3 && (right - exact).abs() < 4.0 * error, "{right} +- {error}, not {exact}");
-    for planted in ["TEST_NO_REACH", "TEST_ONE_AXIS"] {
+    for planted in ["PLANT_NO_REACH", "PLANT_ONE_AXIS"] {
         let (wrong, error) = mean(&["SUBSURFACE", planted]);
         println!("{planted}: {wrong:.5} +- {error:.5}");
         assert!((wrong - exact).abs() > 6.0 * error, "{planted}: {wrong} +- {error} passes for {exact}");

@@ -8,17 +8,16 @@ use crate::support::{
     stats::Random,
 };
 use bevy::{prelude::*, render::render_resource::TextureFormat};
-use bevy_restir::DebugView;
+use bevy_restir::{
+    DebugView,
+    testing::shared_numbers::{CLAMP_U, CLAMP_V, LEVELS_SHIFT, MIRROR_U, MIRROR_V, NEAREST, SHARED_EXPONENT, SRGB},
+};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, DVec4};
 
-/// Flags of a slot, as in `shaders/scene/texture.wgsl`.
+/// Kinds of wrapping and their flags of both axes.
 const WRAPS: [(Wrap, u32, u32); 3] =
-    [(Wrap::Repeat, 0, 0), (Wrap::Clamp, 0x1_0000, 0x4_0000), (Wrap::Mirror, 0x2_0000, 0x8_0000)];
-const NEAREST: u32 = 0x10_0000;
-const SRGB: u32 = 0x20_0000;
-const SHARED_EXPONENT: u32 = 0x40_0000;
-const LEVELS_SHIFT: u32 = 24;
+    [(Wrap::Repeat, 0, 0), (Wrap::Clamp, CLAMP_U, CLAMP_V), (Wrap::Mirror, MIRROR_U, MIRROR_V)];
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

@@ -9,14 +9,14 @@ use crate::support::{
     stats::Random,
 };
 use bevy::{math::Affine2, mesh::UvChannel, prelude::*};
-use bevy_restir::{DebugView, SceneFeatures, testing::gpu_layout::*};
+use bevy_restir::{
+    DebugView, SceneFeatures,
+    testing::{
+        gpu_layout::*,
+        shared_numbers::{LEVELS_SHIFT, NEAREST, SECOND_UV, TWO_COMPONENTS},
+    },
+};
 use bytemuck::{Pod, Zeroable};
-
-/// Flags of a slot, as in `shaders/scene/texture.wgsl`.
-const NEAREST: u32 = 0x10_0000;
-const SECOND_UV: u32 = 0x80_0000;
-const LEVELS_SHIFT: u32 = 24;
-const TWO_COMPONENTS: u32 = 0x2000_0000;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -1,9 +1,14 @@
 //! Rust and WGSL agree on the layout of every shared struct and on the value of every shared constant.
 
 use crate::support::compose::{compose, composer};
-use bevy_restir::{testing::gpu_layout::*, testing::guards::GUARDS, testing::shader_library::MODULES};
+use bevy_restir::testing::{
+    gpu_layout::*,
+    guards::GUARDS,
+    shader_library::MODULES,
+    shared_numbers::{COUNTERS_BINDING, GpuCopy},
+};
 use core::mem::{offset_of, size_of};
-use naga::{Expression, Literal, TypeInner};
+use naga::{Expression, Literal, ResourceBinding, TypeInner};
 
 fn module(path: &str) -> naga::Module {
     let (_, text) = MODULES.iter().find(|(p, _)| *p == path).expect("the module is in the table");
@@ -196,6 +201,14 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
         "Counters",
         GpuCounters { rays, non_finite_pixels, overflow_flags, light_vertices, splats, guards }
     );
+    let bindings: Vec<_> = counters.global_variables.iter().map(|(_, variable)| variable.binding).collect();
+    assert_eq!(bindings, [Some(ResourceBinding { group: 2, binding: COUNTERS_BINDING })]);
+}
+
+#[test]
+fn a_copy_into_the_texture_atlas_is_the_same_in_rust_and_wgsl() {
+    let atlas = module("pass/atlas.wgsl");
+    agrees!(atlas, "Copy", GpuCopy { source_corner, source_size, corner, size, layer, decode, encode, pad });
 }
 
 #[test]

@@ -1,7 +1,7 @@
 // The light paths that land in a pixel: their sum, and a choice of one of them.
 #define_import_path bevy_restir::restir::bdpt::landed
 
-#import bevy_restir::common::constants::OVERFLOW_STEPS
+#import bevy_restir::common::constants::{LEAST_DIVISOR, OVERFLOW_STEPS}
 #import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::trace_flags
 #import bevy_restir::common::rng::{rng_bits, STREAM_SPLATS}
@@ -52,7 +52,7 @@ fn landed_splats(pixel: vec2<u32>, reconnects: bool) -> Landed {
             if SPLITS_LIGHT {
                 exact_add(&diffuse, e.value * unpack_share(bitcast<f32>(e.diffuse)));
             }
-            let weight = luminance(e.value) / max(largest, 1.0e-37);
+            let weight = luminance(e.value) / max(largest, LEAST_DIVISOR);
             if weight > 0.0 {
                 race_add(&race, next, weight, race_bits(next));
             }

@@ -6,7 +6,7 @@
 #import bevy_restir::common::constants::MATERIAL_ALPHA_BLEND
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::shift::reconnection::{is_apart, separation_threshold, ShiftParameters}
+#import bevy_restir::restir::shift::reconnection::{is_apart, separation_threshold}
 #import bevy_restir::restir::types::RESAMPLE_RECONNECT_LIGHT_PATHS
 #import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::surface::Surface
@@ -26,13 +26,12 @@ fn can_reconnect(x: Surface, e: LastEdge, previous: bool) -> bool {
     if !has(RESAMPLE_RECONNECT_LIGHT_PATHS) || is_blended(x.instance) {
         return false;
     }
-    var c: ShiftParameters;
-    c.kind = settings.reconnection;
-    c.separation = separation_threshold(settings.reconnection, settings.separation, eye_of(x.position, previous), x);
+    let kind = settings.reconnection;
+    let separation = separation_threshold(kind, settings.separation, eye_of(x.position, previous), x);
     let rough = max(e.pdf_forward, e.pdf_reverse) * settings.roughness * settings.roughness <= 1.0;
     return rough
-        && is_apart(e.before, x.position, x.bsdf.n_geo, e.pdf_forward, c)
-        && is_apart(x.position, e.before, e.normal, e.pdf_reverse, c);
+        && is_apart(e.before, x.position, x.bsdf.n_geo, e.pdf_forward, kind, separation)
+        && is_apart(x.position, e.before, e.normal, e.pdf_reverse, kind, separation);
 }
 
 fn is_blended(instance: u32) -> bool {

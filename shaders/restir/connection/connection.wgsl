@@ -7,6 +7,7 @@
 #ifdef CONNECTIONS
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf, bsdf_terms}
 #import bevy_restir::bsdf::types::bsdf_is_thin
+#import bevy_restir::common::constants::LEAST_DIVISOR
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::quantized_direction
 #import bevy_restir::common::ray::Ray
@@ -105,7 +106,7 @@ fn connection_to(v: Vertex, path: PathSample, connections: f32, previous: bool) 
     if !(d2 > 0.0) {
         return k;
     }
-    k.wi = quantized_direction(d * inverseSqrt(max(d2, 1.0e-37)));
+    k.wi = quantized_direction(d * inverseSqrt(max(d2, LEAST_DIVISOR)));
     let seen = surface_towards(lit, -k.wi);
     let cosine = abs(dot(lit.bsdf.n_geo, k.wi));
     let terms = bsdf_terms(x.bsdf, v.wo, k.wi);

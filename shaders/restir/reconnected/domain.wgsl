@@ -15,7 +15,7 @@
 #define_import_path bevy_restir::restir::reconnected::domain
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
-#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::constants::{FAR, LEAST_DIVISOR, NONE}
 #import bevy_restir::common::guard::{GUARD_SHIFT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::{luminance, quantized_direction}
 #import bevy_restir::common::ray::Ray
@@ -166,7 +166,7 @@ fn evaluate(r: Receiver, sample: Reservoir) -> Evaluated {
 // light's side sees it.
 fn contribution_of(s: Reservoir, x: SeenPoint, lit: Surface, previous: bool) -> vec3<f32> {
     let d = x.surface.position - lit.position;
-    let d2 = max(dot(d, d), 1.0e-37);
+    let d2 = max(dot(d, d), LEAST_DIVISOR);
     let direction = d * inverseSqrt(d2);
     let leaving = surface_towards(lit, direction);
     let pdf_forward = bsdf_pdf(lit.bsdf, s.towards_light, direction);

@@ -4,7 +4,7 @@
 
 #import bevy_restir::bsdf::bsdf::bsdf_is_diffuse
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE}
-#import bevy_restir::common::constants::{FOUR_PI, TWO_PI}
+#import bevy_restir::common::constants::{FOUR_PI, LEAST_DIVISOR, TWO_PI}
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::path::technique_weights::TechniqueCounts
 #import bevy_restir::path::walk::{Step, Vertex}
@@ -46,7 +46,7 @@ fn separation_threshold(kind: u32, separation: f32, eye: vec3<f32>, s: Surface) 
     }
     let d = s.position - eye;
     let d2 = dot(d, d);
-    let cosine = abs(dot(s.bsdf.n_geo, d)) * inverseSqrt(max(d2, 1.0e-37));
+    let cosine = abs(dot(s.bsdf.n_geo, d)) * inverseSqrt(max(d2, LEAST_DIVISOR));
     let factor = select(1.0, TWO_PI, kind == RECONNECT_JACOBIAN_BOUND);
     return 0.01 * separation * FOUR_PI * d2 / max(cosine, 1.0e-6) * factor;
 }
@@ -85,14 +85,14 @@ fn path_spread(a: PreviousVertex, position: vec3<f32>, n_geo: vec3<f32>) -> f32 
     if !(a.pdf > 0.0) {
         return a.spread;
     }
-    return a.spread + inverseSqrt(max(a.pdf * geometry_factor(a.position, position, n_geo), 1.0e-37));
+    return a.spread + inverseSqrt(max(a.pdf * geometry_factor(a.position, position, n_geo), LEAST_DIVISOR));
 }
 
 // |cos at the far end| / d²: from solid angle at one vertex to area at the next.
 fn geometry_factor(from_point: vec3<f32>, to_point: vec3<f32>, n_geo: vec3<f32>) -> f32 {
     let d = to_point - from_point;
     let d2 = dot(d, d);
-    return abs(dot(n_geo, d)) * inverseSqrt(max(d2, 1.0e-37)) / max(d2, 1.0e-37);
+    return abs(dot(n_geo, d)) * inverseSqrt(max(d2, LEAST_DIVISOR)) / max(d2, LEAST_DIVISOR);
 }
 
 // From solid angle at one vertex to the measure of the triangle of the next, which is uniform and sums to 1: a point that keeps its
@@ -107,12 +107,13 @@ fn light_factor(l: LightSample) -> f32 {
     return select(0.0, 1.0 / l.pdf_solid_angle, l.pdf_solid_angle > 0.0);
 }
 
-// Whether b is far enough from a, which the path leaves with marginal density `pdf` (Eq. 5, forward).
-fn is_apart(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, c: ShiftParameters) -> bool {
-    if uses_distance(c.kind) {
-        return distance(a, b) >= c.separation;
+// Whether b is far enough from a, which the path leaves with marginal density `pdf` (Eq. 5, forward).  `kind` and `separation`: those of
+// `ShiftParameters`.
+fn is_apart(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, kind: u32, separation: f32) -> bool {
+    if uses_distance(kind) {
+        return distance(a, b) >= separation;
     }
-    return pdf * geometry_factor(a, b, n_geo_b) * c.separation <= 1.0;
+    return pdf * geometry_factor(a, b, n_geo_b) * separation <= 1.0;
 }
 
 // Whether the Jacobian from primary sample space to area at b and solid angle there is bounded; the path leaves b with marginal density
@@ -144,7 +145,7 @@ fn is_connectable(a: PreviousVertex, s: Surface, pdf_after: f32, rough_after: bo
         return false;
     }
     return is_connectable_end(a, s.position, s.bsdf.n_geo, c)
-        && (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));
+        && (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c.kind, c.separation));
 }
 
 // Whether paths may reconnect between `a` and a last vertex on a light, after which there is no lobe and no density to test.  The bound of
@@ -156,5 +157,5 @@ fn is_connectable_end(a: PreviousVertex, position: vec3<f32>, n_geo: vec3<f32>, 
     if c.kind == RECONNECT_PATH_FOOTPRINT {
         return a.rough && path_spread(a, position, n_geo) >= sqrt(c.separation);
     }
-    return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);
+    return a.rough && is_apart(a.position, position, n_geo, a.pdf, c.kind, c.separation);
 }

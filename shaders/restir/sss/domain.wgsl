@@ -7,7 +7,7 @@
 #define_import_path bevy_restir::restir::sss::domain
 
 #import bevy_restir::bsdf::bsdf::bsdf_eval
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{LEAST_MAGNITUDE, NONE}
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::{is_finite, luminance, max_component}
 #import bevy_restir::common::ray::Hit
@@ -246,7 +246,7 @@ fn resamples(r: Receiver) -> bool {
 
 // Radius of the disk that neighbors are in, pixels: NEIGHBOR_LENGTHS times d, projected.
 fn neighbor_radius(r: Receiver) -> f32 {
-    let projected = NEIGHBOR_LENGTHS * max_component(r.surface.radius) / max(r.footprint, 1.0e-30);
+    let projected = NEIGHBOR_LENGTHS * max_component(r.surface.radius) / max(r.footprint, LEAST_MAGNITUDE);
     return clamp(projected, max(LEAST_RADIUS_SHARE * settings.radius, min(LEAST_RADIUS, settings.radius)), settings.radius);
 }
 

@@ -104,7 +104,7 @@ enum BodyProblem {
 const MAX_WORKGROUPS: usize = 65535;
 
 /// Number of vertices that a workgroup poses, equal to `WORKGROUP` in `shaders/pass/deform.wgsl`.
-const WORKGROUP: u32 = 64;
+pub const WORKGROUP: u32 = 64;
 
 /// The bodies of the scene.
 #[derive(Resource)]

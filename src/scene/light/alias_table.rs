@@ -15,9 +15,9 @@ pub const ENVIRONMENT_LIMIT: f32 = 0.8;
 
 /// Largest probability of the environment beside lights of both kinds: where a sun and a sky shine over a room, its lamps have a joint
 /// probability of at least 0.1.
-const ENVIRONMENT_LIMIT_BESIDE_SUNS_AND_LAMPS: f32 = 0.5;
+pub const ENVIRONMENT_LIMIT_BESIDE_SUNS_AND_LAMPS: f32 = 0.5;
 
-/// Scales powers for the choice of a light, so that neither the distant lights nor the others are hardly ever chosen.  Returns the largest
+/// Scales powers for the choice of a light, so that distant lights and all others each keep at least `LEAST_SHARE`.  Returns the largest
 /// probability of the environment beside these lights.
 pub fn balance_distant_lights(powers: &mut [f64], is_distant: impl Fn(usize) -> bool) -> f32 {
     let usable = |p: f64| if p.is_finite() && p > 0.0 { p } else { 0.0 };

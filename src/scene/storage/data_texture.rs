@@ -14,7 +14,7 @@ use std::marker::PhantomData;
 use super::allocation;
 
 /// Elements of a row, equal to `ELEMENTS_PER_ROW` in `shaders/scene/bindings.wgsl`.
-const ELEMENTS_PER_ROW: u32 = 1024;
+pub const ELEMENTS_PER_ROW: u32 = 1024;
 
 /// Result of [`DataTexture::reserve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

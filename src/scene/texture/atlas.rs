@@ -91,7 +91,7 @@ impl ShelfPacker {
 
 /// Encoding of a texel's color in 8 bits per channel: `ENCODING_*` in `shaders/common/texel.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Encoding {
+pub enum Encoding {
     Linear = 0,
     Srgb = 1,
     /// Three mantissas and, in place of alpha, their common exponent, for values above 1.
@@ -101,15 +101,15 @@ pub(crate) enum Encoding {
 /// Source and target of a copy: `Copy` in `shaders/pass/atlas.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct GpuCopy {
-    source_corner: [u32; 2],
-    source_size: [u32; 2],
-    corner: [u32; 2],
-    size: [u32; 2],
-    layer: u32,
-    decode: u32,
-    encode: u32,
-    pad: u32,
+pub struct GpuCopy {
+    pub source_corner: [u32; 2],
+    pub source_size: [u32; 2],
+    pub corner: [u32; 2],
+    pub size: [u32; 2],
+    pub layer: u32,
+    pub decode: u32,
+    pub encode: u32,
+    pub pad: u32,
 }
 
 /// The pages on the GPU.

@@ -31,21 +31,21 @@ pub(super) fn size_in_atlas(image: &GpuImage, page: u32) -> UVec2 {
     (whole / whole.max_element().div_ceil(page).max(1)).max(UVec2::ONE)
 }
 
-/// Flags in bits 16 to 31 of the first word of a slot; equal to those in `shaders/scene/texture.wgsl`.
-const CLAMP_U: u32 = 0x10000;
-const MIRROR_U: u32 = 0x20000;
-const CLAMP_V: u32 = 0x40000;
-const MIRROR_V: u32 = 0x80000;
-const NEAREST: u32 = 0x100000;
-const SRGB: u32 = 0x200000;
-const SHARED_EXPONENT: u32 = 0x400000;
+/// Flags in bits 16 to 31 of the first word of a slot.  A test holds them equal to those in `shaders/scene/texture.wgsl`.
+pub const CLAMP_U: u32 = 0x10000;
+pub const MIRROR_U: u32 = 0x20000;
+pub const CLAMP_V: u32 = 0x40000;
+pub const MIRROR_V: u32 = 0x80000;
+pub const NEAREST: u32 = 0x100000;
+pub const SRGB: u32 = 0x200000;
+pub const SHARED_EXPONENT: u32 = 0x400000;
 /// Set by the material: the texture uses the second texture coordinates.
-pub(crate) const SECOND_UV: u32 = 0x800000;
+pub const SECOND_UV: u32 = 0x800000;
 /// Bit position of the number of mip levels.
-pub(super) const LEVELS_SHIFT: u32 = 24;
-const TWO_COMPONENTS: u32 = 0x2000_0000;
+pub const LEVELS_SHIFT: u32 = 24;
+pub const TWO_COMPONENTS: u32 = 0x2000_0000;
 /// The texture is bindless; the low 16 bits are its index in the array.
-pub(crate) const BINDLESS: u32 = 0x8000_0000;
+pub const BINDLESS: u32 = 0x8000_0000;
 
 /// Properties of an image, without its pixels.
 #[derive(Clone, Copy)]

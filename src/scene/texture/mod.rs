@@ -1,6 +1,6 @@
 //! Textures: bindless where the device has arrays of textures, and copied to an atlas otherwise.
 
-mod atlas;
+pub(crate) mod atlas;
 mod atlas_allocator;
 pub(crate) mod bindless;
 pub(crate) mod image_info;

@@ -1,6 +1,7 @@
 // Rays that lights emit, and their densities as a point on the ray sees them.
 #import bevy_restir::common::rng::{rng_2, rng_4, rng_of_key}
-#import bevy_restir::light::emission::{emission_density, is_at_infinity, nee_pdf_scale, sample_emission}
+#import bevy_restir::light::emission::{emission_density, is_at_infinity, nee_pdf_scale, sample_emission_of}
+#import bevy_restir::light::select::light_select
 #import bevy_restir::light::types::no_light_sample
 #import bevy_restir::common::constants::NONE
 
@@ -32,7 +33,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = queries[0];
     var rng = rng_of_key(id.x, q.seed, 79u, 0u);
     let u = rng_4(&rng);
-    let r = sample_emission(u.xy, u.zw, rng_2(&rng));
+    let r = sample_emission_of(light_select(u.xy).light, u.zw, rng_2(&rng), false);
     if r.light == NONE {
         rays[id.x].light = NONE;
         return;

@@ -231,7 +231,7 @@ const WRONG: [(&str, &str, &str); 17] = [
     ("no cosine of the pixel", "d2 / max(cosine, 1.0e-6)", "d2"),
     (
         "footprint of the first vertex only",
-        "&& (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c))",
+        "&& (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c.kind, c.separation))",
         "",
     ),
     ("diffuse vertices are tested, too", "(bsdf_is_diffuse(s.bsdf) || is_apart(", "(is_apart("),

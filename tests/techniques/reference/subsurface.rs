@@ -448,7 +448,7 @@ fn full_length_planted_errors_are_found() {
     let entity = rig.spawn(ball(1.0), lambert(ALBEDO as f32), Transform::default());
     rig.insert(entity, of_lengths(DVec3::new(0.05, 0.01, 0.005), ALBEDO));
     let right = means(&mut rig, 256)[0];
-    for (planted, least) in [("TEST_NO_REACH", 0.01), ("TEST_ONE_AXIS", 0.1)] {
+    for (planted, least) in [("PLANT_NO_REACH", 0.01), ("PLANT_ONE_AXIS", 0.1)] {
         plant_shader_defs(&mut rig.app, &[planted]);
         let wrong = means(&mut rig, 256)[0];
         let lost = 1.0 - wrong.0 / right.0;

@@ -115,7 +115,7 @@ fn planted_errors_in_translucent_bodies_are_found() {
     let reference = proof.truth(&mut rig, 1000);
     // On flat bodies a missing Jacobian changes little; `shifts` finds it.
     let planted =
-        [("TEST_ONE_AXIS", with(subsurface::candidates_only())), ("PLANT_SWAPPED_MIS", with(subsurface::spatial()))];
+        [("PLANT_ONE_AXIS", with(subsurface::candidates_only())), ("PLANT_SWAPPED_MIS", with(subsurface::spatial()))];
     proof.finds(&mut rig, &reference, planted);
     // Probes do not count by the cosine at which they cross the surface.
     plant_shader_defs(&mut rig.app, &[]);
