@@ -77,7 +77,7 @@ impl Plugin for RestirPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        // Bevy's renderer has a device when its plugin is finished.  If this plugin was added before it, that comes later.
+        // Bevy's renderer creates its device when its plugin is finished.  If that comes later, `cleanup` starts this plugin.
         let is_early = app.get_sub_app(RenderApp).is_some_and(|render_app| !has_device(render_app.world()));
         if !is_early {
             self.start(app);
@@ -100,7 +100,7 @@ impl RestirPlugin {
     /// Checks the device and adds everything that needs one.
     fn start(&self, app: &mut App) {
         let missing = match app.get_sub_app(RenderApp).filter(|render_app| has_device(render_app.world())) {
-            None => Some("there is no renderer".to_string()),
+            None => Some("the app has no renderer (Bevy's `RenderPlugin` with a device)".to_string()),
             Some(render_app) => device::missing_feature(render_app.world()).map(reason_of),
         };
         if let Some(reason) = missing {
@@ -167,7 +167,7 @@ impl RestirPlugin {
     }
 }
 
-/// The options of the plugin.
+/// What [`insert_resources`] needs to know about the plugin and the app.
 #[derive(Resource, Clone, Copy)]
 struct Options {
     backend: RayBackend,
@@ -183,15 +183,16 @@ fn insert_resources(world: &mut World) {
         (Some(device), Some(adapter)) => scene::accel::ray_query::is_chosen(backend, device, adapter),
         _ => false,
     };
-    let bound_textures =
-        device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
+    // Passes bind the groups of the scene, the view and the pass, and with ray queries that of the acceleration structures.
+    let bind_groups = 3 + u32::from(ray_queries);
+    let bound_textures = device.and_then(|device| scene::texture::bindless::max_textures(device, bind_groups));
     let library = world.resource::<ShaderLibrary>().clone();
     world.insert_resource(frame::pipelines::PassPipelines::new(library, ray_queries, bound_textures));
     scene::insert_resources(world, ray_queries, bound_textures, repeatable);
     view::insert_resources(world);
 }
 
-/// Recreates everything that lived on a device that was lost, once Bevy has another one.  Bevy extracts meshes and images again.
+/// Recreates everything that belonged to a lost device, once Bevy has another one.  Bevy extracts meshes and images again.
 fn renew(world: &mut World, mut is_renewal: Local<bool>) {
     // The first device is that of `RestirPlugin::start`.
     if !core::mem::replace(&mut *is_renewal, true) {
@@ -199,7 +200,7 @@ fn renew(world: &mut World, mut is_renewal: Local<bool>) {
     }
     let missing = device::missing_feature(world);
     match missing.map(reason_of) {
-        None => warn!("restir: there is a new device; the scene is mirrored again"),
+        None => warn!("restir: there is a new device; the scene is uploaded to it again"),
         Some(reason) => {
             warn!("restir: there is a new device, and {reason}; the plugin is off, and Bevy lights all cameras")
         }
@@ -221,8 +222,8 @@ fn update_status(statistics: Res<RestirStatistics>, mut status: ResMut<RestirSta
     status.set_if_neq(missing.map_or(RestirStatus::On, RestirStatus::Off));
 }
 
-/// The visibility buffer has one sample a pixel, where Bevy's cameras have four by default.  Multisampling is turned off silently when
-/// `Restir` is added, and with a warning when an app turns it on later.
+/// Turns multisampling off, because the visibility buffer has one sample a pixel: silently when `Restir` is added, because Bevy's default is
+/// four samples, and with a warning when an app turns it on later.
 fn require_single_sample(
     mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>,
     entities: &Entities,
@@ -244,8 +245,8 @@ fn require_single_sample(
     }
 }
 
-/// Light that is not tone mapped fits into no other target, and Bevy tone maps the targets of cameras with `Hdr` only.  `Restir` inserts the
-/// component, and an app may remove it.
+/// Inserts `Hdr` again where an app has removed it.  Only the targets of such cameras can hold light before tone mapping, and Bevy tone maps
+/// only these.
 fn require_hdr(
     cameras: Query<Entity, (With<Restir>, Without<Hdr>)>,
     mut commands: Commands,

@@ -26,9 +26,9 @@ use crate::{
 /// The state of the plugin after the last frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RestirReport {
-    /// All assets of the scene are loaded or have failed, acceleration structures are built and pipelines are compiled.  From now on frames
-    /// show the complete scene with the current settings.  In an app that edits a mesh or loads something in every frame it may
-    /// never become true, because a mesh or an asset is always pending: give a loading screen a time limit there.
+    /// All assets of the scene are loaded or have failed, acceleration structures are built and pipelines are compiled: frames show the complete
+    /// scene with the current settings.  In an app that edits a mesh or loads something in every frame it may never become true, because a mesh
+    /// or an asset is always pending: give a loading screen a time limit there.
     pub ready: bool,
     /// `software`: compute shaders trace rays through a CWBVH; `hardware`: the device's ray queries do.
     pub backend: &'static str,
@@ -43,8 +43,8 @@ pub struct RestirReport {
     /// Number of vertices of light paths that camera paths could be connected with, in the frame of [`rays`](Self::rays); counted with the
     /// rays, on request only.  0 without connections ([`Bdpt::techniques`](crate::Bdpt::techniques)).
     pub light_vertices: u64,
-    /// Number of vertices of light paths that the cameras saw in that frame, counted likewise.  Of a light path with more than three, all from
-    /// the third on count as one, because one of them stands for all.
+    /// Number of vertices of light paths that the cameras saw in that frame, also on request only.  Of a light path with more than three, all
+    /// from the third on count as one, because one of them stands for all.
     pub splats: u64,
     /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
@@ -53,22 +53,28 @@ pub struct RestirReport {
     pub overflow_flags: u32,
     /// How often checks in the shaders failed: the name of each check, and the number of pixels that failed it, summed up over all frames
     /// of the cameras that exist now.  Most checks find illegal numbers, such as NaN or negative light, and replace them by 0; those named
-    /// `overflow_...` find full stacks and loops that ended early.  All are 0 unless there is a bug, except `float_overflow`, which counts
-    /// light beyond the range of f32 (about 1e38), and `overflow_probe`; the light that these two count is missing in the picture.  A check
-    /// costs a few integer comparisons.
+    /// `overflow_...` find full stacks and loops that ended early.  All are 0 unless there is a bug, except `overflow_steps`, `overflow_probe`
+    /// and `float_overflow` (light beyond the range of f32, about 1e38): extreme scenes raise these three, and the light that they count is
+    /// missing in the picture.  A check costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
-    /// How often the histories of the cameras that exist now restarted, and why.  `start`: the first frame, or the frame before was not
-    /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `size`; `settings`;
-    /// `render_layers`; `projection`: from perspective to orthographic or back, or `Camera::invert_culling` changed; `pipelines`: the
-    /// technique or the debug view changed, the first translucent object appeared or the last one disappeared, or shaders have been compiled
-    /// for the first light of a kind, the first material with a new kind of paths or the first object that render layers hide.
+    /// How often the histories of the cameras that exist now restarted, by reason:
+    ///
+    /// - `start`: the first frame, or the frame before was not rendered;
+    /// - `requested`: [`Restir::reset`](crate::Restir::reset);
+    /// - `scene`: an edit that histories do not survive;
+    /// - `size`, `settings`, `render_layers`: a change of these;
+    /// - `projection`: from perspective to orthographic or back, or `Camera::invert_culling` changed;
+    /// - `pipelines`: the technique or the debug view changed, the first translucent object appeared or the last one disappeared, or shaders
+    ///   have been compiled for the first light of a kind, the first material with a new kind of paths or the first object that render layers
+    ///   hide.
+    ///
     /// One frame may count for several reasons.  Techniques without a history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
     /// Number of steps by which [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras.  The first steps take samples
     /// away, as [`Restir::reduced`](crate::Restir::reduced) does.  Where that has no step left, further ones lower the traced resolution.
     pub budget_step: u32,
     /// CPU time of each stage of the last frame, ms: the plugin's own work, without the later work of Bevy and the driver.  Some stages may
-    /// run side by side, so that their sum is at least the time that passes.
+    /// run in parallel, so that their sum may exceed the time that passes.
     pub cpu_ms: Vec<(&'static str, f32)>,
     /// How many elements of the scene the plugin looked at in the last frame, by kind.  All are 0 while nothing changes, apart from skinned
     /// and morphed instances, images that the GPU writes, and elements that wait for a missing asset or do not fit the device.
@@ -85,9 +91,9 @@ pub struct RestirReport {
     pub triangles: u64,
     /// Number of rendered instances.
     pub instances: u64,
-    /// Number of lights in the light table: emissive triangles and analytic lights, as many as the device can bind (1 048 576 where a binding
+    /// Number of lights in the light table: emissive triangles and analytic lights, as many as the device can bind (1,048,576 where a binding
     /// holds 128 MiB).  Only BSDF sampling finds emissive triangles beyond that: the image is noisier but not darker, unless
-    /// [`Direct::bsdf_candidate`](crate::Direct) is off.
+    /// [`Direct::bsdf_candidate`](crate::Direct::bsdf_candidate) is off.
     pub lights: u64,
     /// Number of frames in the average of a camera since its accumulation restarted; with several cameras, of an arbitrary one; 0 while no
     /// camera is rendered.
@@ -106,7 +112,7 @@ impl RestirReport {
     }
 }
 
-/// Gives the newest [`RestirReport`]; a resource of the main world.  Clones share the report.
+/// Access to the newest [`RestirReport`]; a resource of the main world.  Clones share the report.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RestirStatistics(Arc<Shared>);
 
@@ -154,7 +160,7 @@ impl RestirStatistics {
     }
 
     /// Counts the rays of all cameras from the next frames on ([`RestirReport::rays`]), and the vertices of light paths
-    /// ([`RestirReport::light_vertices`], [`RestirReport::splats`]), or stops to count them.  Nothing is counted by default.  Counting leaves
+    /// ([`RestirReport::light_vertices`], [`RestirReport::splats`]), or stops counting them.  Nothing is counted by default.  Counting leaves
     /// pictures and histories as they are.  It takes one more pass, and each pass that traces rays adds to a number in memory for each pixel.
     /// Cameras need other pipelines for it: ask before the first frame if possible, because the count stays as it was while those are compiled.
     /// [`DebugView::Rays`](crate::DebugView::Rays) and [`DebugView::Guards`](crate::DebugView::Guards) count rays in any case.

@@ -208,9 +208,9 @@ pub fn is_template(wgsl: &str) -> bool {
 /// The room that every domain extends.
 const COMMON_ROOM: &str = "restir";
 
-/// Puts the modules of a domain into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it, and
-/// `restir` if none of them does.  Further imports of a template are behind shader definitions that only some domains set; names that
-/// the rooms of a domain do not define are left out of them.
+/// Puts the modules of a domain into a template.  `rooms`: folders of `shaders/`; each name comes from the first one that defines it, or else
+/// from `restir`.  A template may have further such imports, behind shader definitions that only some domains set: from these, names that no
+/// room defines are left out.
 ///
 /// # Panics
 ///
@@ -239,8 +239,8 @@ fn module_that_defines(name: &str, room: &str) -> Option<&'static str> {
     MODULES.iter().find(|(path, text)| in_room(path) && defines(text)).map(|&(path, _)| path)
 }
 
-/// Definitions that the shader of a pass, or a module that it imports, asks for.  `path`: `pass/NAME.wgsl`; `rooms` of its domain if it is a
-/// template.
+/// Definitions that the shader of a pass, or a module that it imports, asks for.  `path`: `pass/NAME.wgsl`; `rooms`: those of the domain, if
+/// the shader is a template.
 pub(crate) fn definitions_read_by(path: &str, rooms: &[&str]) -> HashSet<String> {
     let mut names = HashSet::default();
     let mut seen: HashSet<&str> = HashSet::default();
@@ -342,7 +342,7 @@ impl ShaderLibrary {
         }
     }
 
-    /// The shader of a pass, `pass/NAME.wgsl`; `rooms` of its domain if it is a template.
+    /// The shader of a pass.  `path`: `pass/NAME.wgsl`; `rooms`: those of the domain, if the shader is a template.
     pub(crate) fn pass(&self, path: &str, rooms: &[&'static str]) -> Handle<Shader> {
         let missing = || panic!("{path} with {rooms:?} is not in the shader library");
         self.0.get(&(path, rooms.first().copied())).unwrap_or_else(missing).clone()

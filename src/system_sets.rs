@@ -18,7 +18,7 @@ pub enum RestirSystems {
     RunPasses,
 }
 
-/// Whether the present device has what the passes need.
+/// Whether the present device meets all requirements.
 #[derive(Resource)]
 pub(crate) struct IsOn(pub bool);
 

@@ -6,35 +6,36 @@ use crate::settings::Reduction;
 /// frames are under way.
 pub(super) const DELAY: u32 = 6;
 /// Number of measurements that a decision needs.  Their median counts, so that three outliers do not matter.  Four times above the limit decide
-/// at once, because the median is then above it, too.
+/// at once, because the median of the whole window is then above it, too.
 pub(super) const WINDOW: usize = 7;
 /// A better step is chosen if its predicted time is below this share of the limit.  It is below [`DOWN`], so that a prediction that is 5 %
 /// too short does not make the step oscillate.
 const UP: f32 = 0.92;
-/// Where the limit is exceeded, a step is chosen whose predicted time is below this share of it: a little less, because medians vary.
+/// Where the limit is exceeded, a step is chosen whose predicted time is at most this share of it, a little below 1, because medians vary.
 const DOWN: f32 = 0.97;
 /// Assumed ratio of the time of a step with fewer samples to that of the step before, until it is measured.  It is cautious: the first steps of
 /// paths save 20 to 25 % each in ajar (`docs/experiments.md`).
 const TYPICAL_RATIO: f32 = 0.85;
-/// Greatest ratio that measured times may put in its place.  With a ratio of 1, no step would ever fit.
+/// Greatest ratio that measured times may put in place of [`TYPICAL_RATIO`].  With a ratio of 1, no step would ever fit.
 const WEAKEST_RATIO: f32 = 0.97;
-/// The same for a step with fewer traced pixels: as if the time were proportional to their number.
+/// Assumed ratio of the time of a step with fewer traced pixels to that of the step before: as if the time were proportional to their number.
 const TYPICAL_RATIO_OF_PIXELS: f32 = Reduction::RESOLUTION_STEP * Reduction::RESOLUTION_STEP;
 /// The next better step is tried, although its estimate is too long, if it would take at most this share of the limit with the typical ratio.
 /// It is a little above 1, because that ratio is a guess.
 const TRIAL: f32 = 1.035;
 /// Number of decisions between a change of the step and the first trial of one with more samples: about two seconds at 60 frames/s.
 const FIRST_WAIT: u32 = 16;
-/// The same for a step with more traced pixels: half a minute, because each change of the resolution begins histories anew.
+/// The same for a step with more traced pixels: half a minute, because each change of the resolution restarts histories.
 const FIRST_WAIT_OF_PIXELS: u32 = 256;
-/// Each trial that fails doubles the wait, but at most so often: after half a minute (of pixels: eight) the scene may be another one.
+/// Each failed trial doubles the wait, up to this number of times, so that the longest wait is half a minute (eight minutes for pixels): the
+/// scene may have changed by then.
 const MOST_DOUBLINGS: u32 = 4;
 /// If the time of a step changes by more than this factor from one window to the next, the scene has changed.  Noise stays far below.
 const OTHER_SCENE: f32 = 1.15;
 /// Least growth of times in a frame, as a natural logarithm, that is taken for a trend.  Noise of 2 % stays below.
 const LEAST_GROWTH: f32 = 0.008;
-/// Number of frames from the middle of a window to the decision after the next one: half a window, the delay of times, and [`DELAY`] with the
-/// four times above the limit that decide.
+/// Number of frames that a trend is extrapolated by: from the middle of a window to the decision after the next one, which is half a window, the
+/// delay of times, [`DELAY`], and the four times above the limit that decide.
 const AHEAD: f32 = 16.0;
 /// Greatest factor by which a trend makes predictions longer.  A jump of the times looks like a steep trend, but does not go on.
 const GREATEST_RISE: f32 = 1.5;
@@ -47,7 +48,7 @@ pub(crate) struct Controller {
     /// All that the steps can take away.
     most: Reduction,
     step: u32,
-    /// Whether the present step is taken against its estimate, which may be wrong since the scene has changed.
+    /// The present step was chosen although its estimate is too long, because the estimate may be wrong.
     is_trial: bool,
     /// Number of trials that failed since one succeeded or the scene changed.
     failed_trials: u32,
@@ -87,10 +88,10 @@ impl Window {
 }
 
 impl Controller {
-    /// Begins anew with other settings, for which earlier times do not hold.
+    /// Starts again with other settings, for which earlier times do not hold.
     pub(super) fn begin(&mut self, most: Reduction) {
         let Reduction { samples, pixels, .. } = self.reduction();
-        // The resolution stays, because a change would begin histories anew.
+        // The resolution stays, because a change would restart histories.
         let step = if pixels > 0 { most.samples + pixels.min(most.pixels) } else { samples.min(most.samples) };
         *self = Self { most, step, known: vec![0.0; most.steps() as usize + 1], ..Self::default() };
         self.interrupt();
@@ -244,7 +245,7 @@ impl Controller {
     }
 
     /// The best one of the higher steps that is predicted to fit, or else the last one.  The resolution falls only if the time that is too
-    /// long is confirmed by the window before: a short hitch must not begin histories anew.
+    /// long is confirmed by the window before: a short hitch must not restart histories.
     fn cheaper_step(&self, limit: f32, is_confirmed: bool) -> u32 {
         let last = if is_confirmed { self.most.steps() } else { self.step.max(self.most.samples) };
         (self.step + 1..=last).find(|step| self.predicted(*step) <= DOWN * limit).unwrap_or(last)

@@ -17,7 +17,7 @@ use crate::{
 };
 use controller::Controller;
 
-/// Number of frames without any GPU time before a warning.  The first times arrive within a few frames.
+/// Number of frames without any GPU time after which a warning is logged.  The first times arrive within a few frames.
 const PATIENCE: u32 = 120;
 
 /// All settings that the time of a frame depends on.
@@ -29,7 +29,7 @@ pub(crate) struct Workload {
 
 impl Workload {
     fn of(cameras: &Query<(Entity, &Restir)>, budget: &RestirBudget) -> Self {
-        // Also of inactive cameras: one that renders every second frame must not begin the measurement again each time.
+        // Inactive cameras count, too: one that renders every second frame must not restart the measurement each time.
         let by_camera: BTreeMap<Entity, &Restir> = cameras.iter().collect();
         let least_resolution_scale = least_scale(budget.least_resolution_scale);
         Self { cameras: by_camera.into_values().map(cost_of).collect(), least_resolution_scale }
@@ -71,7 +71,7 @@ impl GpuTimes {
         self.frames_without += 1;
         if self.frames_without > PATIENCE {
             warn_once!(
-                "restir: RestirBudget has no effect, because no GPU times arrive: it needs RenderDiagnosticsPlugin and a device with timestamps"
+                "restir: RestirBudget has no effect, because no GPU times arrive: add RenderDiagnosticsPlugin, and use a device with timestamps"
             );
         }
     }

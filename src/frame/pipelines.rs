@@ -53,6 +53,7 @@ pub struct PipelineReport {
     pub compile_ms: f64,
 }
 
+/// Where a pipeline is.
 enum PipelineId {
     Compute(CachedComputePipelineId),
     Render(CachedRenderPipelineId),
@@ -61,6 +62,7 @@ enum PipelineId {
     Shared(ComputePipeline),
 }
 
+/// A requested pipeline.
 struct PipelineEntry {
     id: PipelineId,
     name: &'static str,
@@ -263,7 +265,7 @@ impl PassPipelines {
         self.max_bindless_textures.filter(|_| features.contains(SceneFeatures::BOUND_TEXTURES)).map(bindless::layout)
     }
 
-    /// Features that the pipeline of a pass is specialized for: features that its shader does not ask for need no other pipeline.
+    /// Features that the pipeline of a pass is specialized for: those that its shader asks for.  Others need no pipelines of their own.
     fn specialization(&self, pass: &ComputePass, key: PipelineKey) -> SceneFeatures {
         let is_replaced = self.replaced.contains_key(pass.name);
         let read = self.reads.get(pass.name).filter(|_| !is_replaced);
@@ -321,7 +323,7 @@ impl PassPipelines {
         }
     }
 
-    /// Lists every compiled pipeline, if there are others than those of the list.
+    /// Lists every compiled pipeline again, if more are compiled than the list has.
     pub(crate) fn update_report(&self, list: &mut Vec<PipelineReport>) {
         let compiled = self.all.iter().filter_map(|entry| Some((entry, entry.compile_ms?)));
         // Pipelines are never removed.  A new device begins without any.
@@ -336,7 +338,7 @@ impl PassPipelines {
     }
 }
 
-/// Features that the shader of a pass, `pass/FILE.wgsl`, asks for; `rooms` of its domain if it is a template.
+/// Features that the shader `pass/FILE.wgsl` asks for.  `rooms`: those of the domain, if the shader is a template.
 pub fn features_read_by(file: &str, rooms: &[&str]) -> SceneFeatures {
     let definitions = definitions_read_by(&format!("pass/{file}.wgsl"), rooms);
     SceneFeatures::TABLE.iter().filter(|(_, def)| definitions.contains(*def)).map(|(feature, _)| *feature).collect()

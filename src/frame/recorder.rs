@@ -1,4 +1,4 @@
-//! Records the commands of a frame: among Bevy's, or, where they may trace many rays, in submissions of their own.
+//! Records the commands of a frame: among Bevy's commands, or, if they may trace many rays, in submissions of their own.
 
 use bevy::{
     ecs::prelude::*,
@@ -22,7 +22,7 @@ pub(super) struct Recorder<'a, 'w, 's> {
 }
 
 impl<'a, 'w, 's> Recorder<'a, 'w, 's> {
-    /// Begins a frame that may trace so many rays, at most `limit` of them in a submission.
+    /// Begins a frame that may trace `rays`, at most `limit` of them in a submission.
     pub(super) fn begin(
         context: &'a mut RenderContext<'w, 's>,
         (device, queue): (&'a RenderDevice, &'a RenderQueue),
@@ -50,7 +50,7 @@ impl<'a, 'w, 's> Recorder<'a, 'w, 's> {
         self.context.diagnostic_recorder()
     }
 
-    /// Before a pass that may trace so many rays: begins another submission if they are too many for this one.
+    /// Begins another submission if the next pass, which may trace `rays`, exceeds the limit of this one.
     pub(super) fn make_room(&mut self, rays: u64) {
         if self.limit.is_some_and(|limit| self.rays + rays > limit) {
             self.submit();

@@ -70,7 +70,7 @@ pub(crate) struct RecentBits<T> {
 }
 
 impl<T: Copy + Default + BitOr<Output = T>> RecentBits<T> {
-    /// The bits of this frame, and those that vanished in this period or in the one before: each is kept for one to two periods.
+    /// The bits of this frame, and those that have vanished since the start of the last period: each is kept for one to two periods.
     pub(crate) fn update(&mut self, present: T) -> T {
         self.frame += 1;
         if self.frame >= RECENT_PERIOD {

@@ -33,7 +33,7 @@ use bevy::{
     ecs::{entity::Entities, prelude::*},
     render::{
         Extract, ExtractSchedule, Render, RenderSystems, mesh::RenderMesh, render_asset::prepare_assets,
-        texture::GpuImage,
+        sync_world::MainEntity, texture::GpuImage,
     },
 };
 use core::num::NonZeroU32;
@@ -140,8 +140,9 @@ fn forget_warnings(
     mut bodies: ResMut<BodyPool>,
     entities: Extract<&Entities>,
 ) {
-    instances.forget_warnings(|entity| entities.contains(*entity));
-    lights.forget_warnings(|entity| entities.contains(*entity));
-    subsurface.forget_warnings(|entity| entities.contains(*entity));
-    bodies.forget_warnings(|entity| entities.contains(*entity));
+    let exists = |entity: MainEntity| entities.contains(*entity);
+    instances.forget_warnings(exists);
+    lights.forget_warnings(exists);
+    subsurface.forget_warnings(exists);
+    bodies.forget_warnings(exists);
 }

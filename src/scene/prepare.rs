@@ -161,8 +161,8 @@ fn update_instances_and_lights(
     }
 }
 
-/// The instances to visit besides those that have only moved: those that have changed, those whose mesh or material has, and those that are
-/// posed or unsettled.
+/// The instances to visit besides those that have only moved: changed ones, instances of a changed mesh or material, posed ones and unsettled
+/// ones.
 fn due_instances(
     changed: Vec<MainEntity>,
     list: &InstanceList,

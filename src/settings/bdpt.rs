@@ -24,9 +24,9 @@ pub enum LightTechniques {
     NoLightTracing,
 }
 
-/// MIS weights of camera paths that [`Technique::Bdpt`](super::Technique::Bdpt) shifts to another pixel or frame.  Light paths that the camera
-/// sees have weights of their own in both variants.  (Hedstrom et al. 2025, 6.4; the paper copies weights between
-/// pixels only, because it traces all paths of the last frame again.)
+/// MIS weights of camera paths that [`Technique::Bdpt`](super::Technique::Bdpt) shifts to another pixel or frame (Hedstrom et al. 2025, 6.4; the
+/// paper copies weights between pixels only, because it traces all paths of the last frame again).  Light paths that the camera sees have
+/// weights of their own in both variants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]
@@ -36,7 +36,7 @@ pub enum ShiftedMis {
     #[default]
     Exact,
     /// The weight that the path had in the pixel that sampled it.  Biased: light is wrong where weights change from pixel to pixel, darker at
-    /// corners and edges of shadows (ibid.).  In the mean of two pictures, no change was found beyond noise (0.2 and 0.4 %).  Saves the
+    /// corners and edges of shadows (same section).  The means of two pictures did not change beyond noise (0.2 and 0.4 %).  Saves the
     /// arithmetic of weights in shifts, and neither rays nor memory.
     Copied,
 }
@@ -47,8 +47,8 @@ pub enum ShiftedMis {
 #[reflect(Default)]
 pub struct Bdpt {
     /// Light paths of a frame for each pixel of the picture (`N_L`, Hedstrom et al. 2025, 7.1): more make caustics and hidden light less
-    /// noisy.  Each costs as much as a path from the camera, 60 bytes if the camera sees it, and 48 bytes with connections; a device that
-    /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
+    /// noisy.  Each costs as much as a path from the camera, 60 bytes if the camera sees light paths, and 48 bytes with connections; a device
+    /// that cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
     /// 16,777,216 in all; default 1.
     pub light_paths: f32,
     /// Uses of light paths.  Default: [`LightTechniques::Full`].
@@ -65,8 +65,8 @@ pub struct Bdpt {
     /// MIS weights count a resampled camera path as this many samples, because pixels share camera paths but not light paths.  They count a
     /// connection as the square root of this number.  For light that arrives by a mirror or through glass, which next-event estimation cannot
     /// find, the factor favors the light path.  Larger values give less noise in light that resampling finds well, and more where light paths
-    /// would have found it better.  No effect without temporal and spatial reuse, except in the order
-    /// `Spatiotemporal`.  No cost, no bias.  1 to 1000; default 16; other values have not been measured.
+    /// would have found it better.  No effect without temporal and spatial reuse, except in the order `Spatiotemporal`.  No cost, no bias.  1
+    /// to 1000; default 16; other values have not been measured.
     pub reuse_gain: f32,
 }
 

@@ -8,17 +8,18 @@ use bevy::{
 use super::{Restir, Reuse, ReuseOrder, Technique};
 
 /// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, its number of samples is reduced
-/// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise, add no bias and keep the history.  If
-/// they are not enough, [`least_resolution_scale`](Self::least_resolution_scale) lets the traced resolution fall, too, which begins the history anew.
+/// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise, add no bias and keep the history.
+/// If they are not enough, [`least_resolution_scale`](Self::least_resolution_scale) lets the traced resolution fall, too, which restarts the
+/// history.
 ///
-/// Times arrive about three frames late, and four that are too long are needed to change the settings: where the cost jumps, frames take too
-/// long for about seven frames, and for ten more where samples save less than expected.  A cost that doubles in 200 frames exceeds the limit by
-/// less than a tenth.  The limit is kept only as far as samples and resolution can keep it: bounces and technique are never changed, nor are the
-/// light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
+/// Times arrive about three frames late, and the settings change after four times that are too long: after a jump of the cost, about seven
+/// frames take too long, and ten more if fewer samples save less than expected.  Where the cost doubles within 200 frames, times exceed the
+/// limit by less than a tenth.  Bounces and technique never change, nor do the light paths of [`Technique::Bdpt`] and the samples of
+/// [`Restir::subsurface`], so a limit that is too low for them is not kept.
 /// [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
 ///
-/// Needs Bevy's `RenderDiagnosticsPlugin` and a device with timestamps (on macOS they lack a part of the passes).  Without them there is one warning,
-/// and cameras use their settings as they are.
+/// Needs Bevy's `RenderDiagnosticsPlugin` and a device with timestamps (on macOS, the times of some passes are missing).  Without them there is
+/// one warning, and cameras use their settings as they are.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -33,11 +34,12 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 #[reflect(Resource, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct RestirBudget {
-    /// GPU time of all passes of the plugin (time spans `restir/...`) of all cameras in a frame, ms.  Without effect unless it is above 0.
-    /// Bevy measures at most 128 passes in a frame, its own included: from the fifth camera on, the time of some of ours is missing.
+    /// Greatest GPU time of all passes of the plugin (time spans `restir/...`) of all cameras in a frame, ms.  Bevy measures at most 128 passes
+    /// in a frame, its own included: from the fifth camera on, the times of some passes of the plugin are missing.  No bias.  0 or less: no
+    /// limit; default 0.
     pub gpu_ms: f32,
     /// Least [`Restir::resolution_scale`] that the budget may choose where the fewest samples of all cameras still take too long.  Each step
-    /// traces 0.8 times the width and the height, and begins the camera's history anew, which is visible as noise for some frames.  Cameras
+    /// traces 0.8 times the width and the height, and restarts the camera's history, which is visible as noise for some frames.  Cameras
     /// that average frames ([`Restir::accumulate`], [`Technique::Reference`]) keep their resolution.  A resolution that took too long is not
     /// tried again within about 1,800 frames, unless the scene gets cheaper.  0.25 to 1; default 1: the resolution stays.
     pub least_resolution_scale: f32,
@@ -56,7 +58,7 @@ pub(crate) struct Reduction {
     pub samples: u32,
     /// Number of steps that take traced pixels away.
     pub pixels: u32,
-    /// Least resolution scale of those.
+    /// Least resolution scale that these steps may choose.
     pub least_resolution_scale: f32,
 }
 
@@ -70,12 +72,12 @@ impl Reduction {
     /// Factor of width and height in a step that takes traced pixels away.
     pub(crate) const RESOLUTION_STEP: f32 = 0.8;
 
-    /// Its number of steps.
+    /// Number of all steps.
     pub(crate) fn steps(self) -> u32 {
         self.samples + self.pixels
     }
 
-    /// Its first steps.  Pixels follow after all samples.
+    /// The part of this reduction that its first `steps` make up.  Steps of pixels follow those of samples.
     pub(crate) fn first(self, steps: u32) -> Self {
         let samples = steps.min(self.samples);
         Self { samples, pixels: (steps - samples).min(self.pixels), ..self }

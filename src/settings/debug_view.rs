@@ -2,11 +2,11 @@
 
 use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
-/// The content of a camera's picture in place of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
-/// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Only the parts of the light
-/// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated,
-/// as with [`Restir::accumulate`](super::Restir::accumulate), the values of [`Self::Rays`], [`Self::Bounces`] and the parts of the light are
-/// means; those of all other views are of one frame.
+/// The content of a camera's picture in place of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view
+/// target receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Only the parts of the light
+/// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated, as with
+/// [`Restir::accumulate`](super::Restir::accumulate), the values of [`Self::Rays`], [`Self::Bounces`] and the parts of the light are means;
+/// those of all other views are of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]
@@ -43,8 +43,7 @@ pub enum DebugView {
     /// Unbiased contribution weights of the stored samples, in the measure of their lights.  Needs the techniques of
     /// [`Self::ReservoirLights`].
     ReservoirWeights,
-    /// Confidence of the reservoirs, in frames' worth of candidates.  Needs the techniques of
-    /// [`Self::ReservoirLights`].
+    /// Confidence of the reservoirs, in frames' worth of candidates.  Needs the techniques of [`Self::ReservoirLights`].
     ReservoirConfidence,
     /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.  Needs the techniques of
     /// [`Self::ReservoirLights`].
@@ -53,26 +52,20 @@ pub enum DebugView {
     /// a light path in yellow.  Needs [`Technique::Pt`](super::Technique::Pt), [`Technique::Gi`](super::Technique::Gi) or
     /// [`Technique::Bdpt`](super::Technique::Bdpt).
     PathEnds,
-    /// Scattering events of the stored paths.  Needs the techniques of
-    /// [`Self::PathEnds`].
+    /// Scattering events of the stored paths.  Needs the techniques of [`Self::PathEnds`].
     PathLengths,
-    /// Index of the reconnection vertex, from 2; 0: the whole path is replayed.  Needs the techniques of
-    /// [`Self::PathEnds`].
+    /// Index of the reconnection vertex, from 2; 0: the whole path is replayed.  Needs the techniques of [`Self::PathEnds`].
     PathReconnections,
-    /// Unbiased contribution weights of the stored paths, in their own measure.  Needs the techniques of
-    /// [`Self::PathEnds`].
+    /// Unbiased contribution weights of the stored paths, in their own measure.  Needs the techniques of [`Self::PathEnds`].
     PathWeights,
-    /// Confidence of the reservoirs, in frames' worth of candidates.  Needs the techniques of
-    /// [`Self::PathEnds`].
+    /// Confidence of the reservoirs, in frames' worth of candidates.  Needs the techniques of [`Self::PathEnds`].
     PathConfidence,
-    /// Frames since the stored paths were sampled.  Needs the techniques of
-    /// [`Self::PathEnds`].
+    /// Frames since the stored paths were sampled.  Needs the techniques of [`Self::PathEnds`].
     PathAges,
     /// Reason why a stored path cannot be shifted 8 pixels to the right, in false colors; white: it can.  Needs the techniques of
     /// [`Self::PathEnds`].
     PathShifts,
-    /// Jacobian of that shift; 0 where it is undefined; 1 for `Gi`, whose measure needs none.  Needs the techniques of
-    /// [`Self::PathEnds`].
+    /// Jacobian of that shift; 0 where it is undefined; 1 for `Gi`, whose measure needs none.  Needs the techniques of [`Self::PathEnds`].
     PathJacobians,
     /// Rays that the technique traced for a pixel in this frame.  All passes get other pipelines for this view and for [`Self::Guards`],
     /// unless rays are counted ([`RestirStatistics::count_rays`](crate::RestirStatistics::count_rays)).
@@ -94,10 +87,10 @@ pub enum DebugView {
     LightPathAges,
     /// The diffuse part of the light, cd/m²: what the surface of a pixel reflects or transmits diffusely, and light that leaves a body with
     /// [`Subsurface`](crate::Subsurface).  This view and the next one run whole frames of the technique, with its history, and have the
-    /// camera's exposure.  Both views plus the light that surfaces and the sky emit towards the camera sum to the picture, if seed,
+    /// camera's exposure.  The sum of both views and of the light that surfaces and the sky emit towards the camera is the picture, if seed,
     /// settings and number of frames since a reset are the same and the picture has no
-    /// [`Restir::firefly_limit`](super::Restir::firefly_limit), which these views ignore.  They add no bias.  They cost no memory, and one
-    /// more evaluation of the surface's lobes for each sample that is shaded; with [`Technique::Bdpt`](super::Technique::Bdpt) light paths
+    /// [`Restir::firefly_limit`](super::Restir::firefly_limit), which these views ignore.  They use no memory and have no bias.  Cost: one more
+    /// evaluation of the surface's lobes for each sample that is shaded; with [`Technique::Bdpt`](super::Technique::Bdpt), light paths
     /// that the camera sees are traced again.
     DiffuseLight,
     /// The specular part of the light, cd/m²: all other light that the surface of a pixel reflects or transmits, by clearcoats, too.
@@ -106,9 +99,9 @@ pub enum DebugView {
     /// [`RestirReport::guards`](crate::RestirReport::guards) has the names.
     Guards,
     /// Light that enters objects with [`Subsurface`](crate::Subsurface): the distance from the surface of a pixel to the point where the light
-    /// of its stored sample enters, in multiples of the length d of the diffusion profile (Burley 2015) of the color that scatters farthest,
-    /// up to 19.86; black: no sample.  d is the mean free path over 1.1 for a base color of 0.8.  The hybrid shift treats points from 2 d on
-    /// as far.  This view and the next four need [`Technique::Di`](super::Technique::Di),
+    /// of its stored sample enters, up to 19.86; black: no sample.  The unit is the length d of the diffusion profile (Burley 2015) of the color
+    /// that scatters farthest; d is the mean free path over 1.1 for a base color of 0.8.  The hybrid shift treats points from 2 d on as far.
+    /// This view and the next four need [`Technique::Di`](super::Technique::Di),
     /// [`Technique::Gi`](super::Technique::Gi), or [`Technique::Pt`](super::Technique::Pt) with
     /// [`Paths::separate_direct_light`](super::Paths::separate_direct_light), and are black in a scene without such objects.  They run no other
     /// resampling than that of this light, and cost no memory.  This view and the next one evaluate the surface of each pixel once more.
@@ -123,27 +116,28 @@ pub enum DebugView {
     /// Confidence of the reservoirs of this light, in frames' worth of candidates; black: no light scatters below the surface.
     SubsurfaceConfidence,
     /// Shift of the stored sample 8 pixels to the right, as the first iteration of reuse would do it.  White: it succeeds.  Red: it is not
-    /// defined, because another object is there, no light scatters below the surface, the sample's probe finds nothing there or the light
+    /// defined there, because the object is another one, no light scatters below the surface, the sample's probe finds nothing, the light
     /// enters out of reach, or the hybrid shift would choose the other shift.  Blue: the light does not shine on the point where it would
-    /// enter.  Yellow: that point is in shadow.  Black: no sample, or no surface 8 pixels to the right.  Frames do not store which of their own
-    /// shifts fail.  Costs one shift and up to two rays per pixel, which [`Self::Rays`] does not count.
+    /// enter.  Yellow: that point is in shadow.  Black: no sample, or no surface 8 pixels to the right.  Frames do not store which of their
+    /// own shifts fail, so this one is computed for the view: one shift and up to two rays per pixel, which [`Self::Rays`] does not count.
     SubsurfaceShifts,
-    /// Light paths that the camera sees in a pixel in this frame: the length of the list of the pixel.  Bright pixels have long lists, which
-    /// take long.  A light path has one entry for each of its vertices that the camera sees, but at most three; the last one
-    /// stands for all further vertices.  0 in a scene with objects that only the camera or only other rays see.  Needs
+    /// Light paths that the camera sees in a pixel in this frame: the length of the pixel's list.  Bright pixels have long lists, which
+    /// take long.  A light path has one entry for each of its vertices that the camera sees, but at most three; the third one stands for all
+    /// further vertices.  0 in a scene with objects that only the camera or only other rays see.  Needs
     /// [`Technique::Bdpt`](super::Technique::Bdpt) with other [`Bdpt::techniques`](super::Bdpt::techniques) than
     /// [`LightTechniques::NoLightTracing`](super::LightTechniques::NoLightTracing).  Costs one more walk through each list.
     LightPathCounts,
-    /// Vertices of light paths that are stored for connections.  Red: the stored ones, one for each light path that has any.  Green: the
-    /// vertices that these stand for, which are all those that can be connected.  A pixel shows the numbers of the light paths that its
-    /// invocation traces, [`Bdpt::light_paths`](super::Bdpt::light_paths) of them on average.  They may hit surfaces anywhere, so that only sums
-    /// over the picture have a meaning.  0 without connections ([`LightTechniques::Lightweight`](super::LightTechniques::Lightweight)).
+    /// Numbers of vertices of light paths for connections.  Green: all vertices that can be connected.  Red: the stored ones, at most one for
+    /// each light path, which stands for all of its vertices.  A pixel shows the numbers of the light paths that its invocation traces,
+    /// [`Bdpt::light_paths`](super::Bdpt::light_paths) of them on average.  These paths may hit surfaces anywhere, so that only sums over the
+    /// picture have a meaning.  0 without connections ([`LightTechniques::Lightweight`](super::LightTechniques::Lightweight)).
     /// Needs [`Technique::Bdpt`](super::Technique::Bdpt).  Costs one read of each stored vertex.
     LightVertices,
 }
 
 impl DebugView {
-    /// Whether it shows light, all or a part, which is exposed.
+    /// Whether it shows light or a part of it.  Such views have the camera's exposure, and the others
+    /// [`Restir::debug_scale`](super::Restir::debug_scale).
     pub fn shows_light(self) -> bool {
         self == Self::Off || self.is_part_of_light()
     }
@@ -153,7 +147,7 @@ impl DebugView {
         matches!(self, Self::DiffuseLight | Self::SpecularLight)
     }
 
-    /// Whether it shows what passes count for each pixel.
+    /// Whether it shows numbers that passes count for each pixel.
     pub(crate) fn shows_counts(self) -> bool {
         matches!(self, Self::Rays | Self::Guards)
     }

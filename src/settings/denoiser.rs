@@ -18,8 +18,8 @@ use super::validate::{Problem, Ranges};
 #[reflect(Default)]
 pub struct Denoiser {
     /// Iterations of the filter over pixels.  Each doubles the spacing of the pixels that are averaged, so that the radius grows to 2, 6, 14,
-    /// 30 and 62 pixels: less noise, and wider blur.  0 turns the denoiser off, with its passes and 160 bytes a pixel (208 with a roughness
-    /// below 0.142 or a texture of it).  0 to 5; default 5.
+    /// 30 and 62 pixels: less noise, and wider blur.  0 turns the denoiser off, and saves its passes and 160 bytes a pixel (208 in scenes with a
+    /// roughness below 0.142 or a texture of roughness).  0 to 5; default 5.
     pub iterations: u32,
     /// Greatest number of frames in the mean of a pixel.  More frames have less noise and flicker; light that changes lags longer.  1 to 255;
     /// default 32.
@@ -29,11 +29,12 @@ pub struct Denoiser {
 impl Denoiser {
     /// No denoiser.
     pub const OFF: Self = Self { iterations: 0, ..Self::ON };
-    /// All iterations.
+    /// All iterations, over means of up to 32 frames.
     pub const ON: Self = Self { iterations: Self::MAX_ITERATIONS, history: 32 };
     /// Greatest value of [`Denoiser::iterations`].
     pub const MAX_ITERATIONS: u32 = 5;
 
+    /// Brings every field into its range.
     pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "denoiser.", report };
         ranges.count("iterations", &mut self.iterations, 0, Self::MAX_ITERATIONS);

@@ -18,7 +18,7 @@ pub enum BiasCorrection {
     Off,
     /// Neighbors of dissimilar geometry are skipped (Eq. 24).  Biased: darker near shadows.
     Heuristics,
-    /// As `Heuristics`, with MIS weights that assume that every neighbor sees every light.  Biased: darker near shadows, less than
+    /// As `Heuristics`, with MIS weights that assume that every neighbor sees every light.  Biased: darker near shadows, but less so than with
     /// `Heuristics`.
     HeuristicsAndMis,
     /// MIS weights that test the visibility of each sample from each neighbor, across all edges (Eq. 31).  Unbiased.  One more ray for each
@@ -89,7 +89,7 @@ impl VisibilityReuse {
 /// resample take their light candidates from its subsets.
 ///
 /// With the defaults a pixel traces at most eight rays: one for its BSDF candidate, one for the selected candidate, two for the temporal
-/// neighbor, and one for each partner, of which it has three, or four where it serves a partner that found few others.
+/// neighbor, and one for each partner.  It has three partners, or four where one of them found few others.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 #[reflect(Default)]
@@ -135,7 +135,7 @@ impl Default for Direct {
 }
 
 impl Direct {
-    /// Greatest number of points of lights in all subsets: one binding of the portable tier holds as many.
+    /// Greatest number of points of lights in all subsets: 96 MiB, which a binding of WebGPU's default limits holds.
     const MAX_PRESAMPLED: u32 = 1 << 21;
 
     /// Brings every field into its range.

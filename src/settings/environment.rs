@@ -9,11 +9,12 @@ use bevy::{
     reflect::{Reflect, std_traits::ReflectDefault},
 };
 
-/// Environment of the scene for one camera: light from every direction, shown behind the scene.  Without this component the camera's
-/// `Skybox` lights the scene with the radiance that it shows (in Bevy's rasterizer it lights nothing); without a `Skybox`, the sharpest level
-/// of the specular map of `EnvironmentMapLight` does, and is not shown.  Directions are sampled by the luminance of the image, in cells as
-/// small as its pixels, between 0.09 and 0.35 degrees: finer light is noisier, never biased.  The table takes 2.8 MB for images up to 1024
-/// pixels wide, and at most 45 MB.
+/// Environment of the scene for one camera: light from every direction, shown behind the scene.  Without this component, the camera's
+/// `Skybox` lights the scene with the radiance that it shows (in Bevy's rasterizer it lights nothing).  Without a `Skybox`, the sharpest level
+/// of the specular map of the camera's `EnvironmentMapLight` lights the scene, and is not shown.
+///
+/// Directions are sampled by the luminance of the image, in cells as small as its pixels, between 0.09 and 0.35 degrees: finer light is
+/// noisier, never biased.  The table of cells takes 2.8 MB for images up to 1024 pixels wide, and at most 45 MB.
 ///
 /// ```
 /// # use bevy::prelude::*;

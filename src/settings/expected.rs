@@ -5,18 +5,18 @@ use bevy::{
     reflect::{Reflect, std_traits::ReflectDefault},
 };
 
-/// Kinds of lights, materials and meshes that will come into the scene: their pipelines are compiled before, so that the first of a kind is lit
-/// in the frame in which it appears, without a hitch and without a restart of histories.  Without this, cameras show the scene by the pipelines
-/// that they have until new ones are compiled, which takes seconds.
+/// Kinds of lights, materials and meshes that will come into the scene.  Their pipelines are compiled ahead: the first of a kind is lit in the
+/// frame in which it appears, and histories do not restart.  Without this, cameras keep the pipelines that they have until new ones are
+/// compiled, which takes seconds; until then, the light or the effect of the new kind is missing.
 ///
 /// Insert the resource while a level loads: [`RestirStatistics::is_ready`](crate::RestirStatistics::is_ready) waits for the pipelines.  If it
 /// changes later, they compile in the background, and histories restart once, when they are ready.  A kind that is taken out again stays in
 /// the shaders only while the scene has such objects.
 ///
-/// Cost: while a kind is expected, shaders keep its code, whether or not the scene has such objects: frames take as long as if it had some
-/// that are out of sight (`lab features` measures each kind in a scene).  Three kinds also take memory and passes: `subsurface` has
-/// reservoirs and passes of its own, `smooth_materials` and `glass` a pass and 48 bytes a pixel of the denoiser.  No bias: the light is the
-/// same, and pictures differ by rounding at most.
+/// Cost: shaders have the code of an expected kind even while the scene has no such objects, so that frames take as long as if some were out of
+/// sight (`lab features` measures each kind in a scene).  Three kinds also take memory and passes: `subsurface` has reservoirs and passes of its
+/// own, `smooth_materials` and `glass` have a pass and 48 bytes a pixel of the denoiser.  No bias: the light is the same, and pictures differ by
+/// rounding at most.
 ///
 /// Environments of cameras and the settings of cameras are not among the kinds: a camera that gets its first sky or another technique keeps
 /// its last picture until new pipelines are compiled.

@@ -55,8 +55,8 @@ pub enum Technique {
     /// without a size are missing (darker; only [`Technique::Bdpt`] finds them).  All other light is unbiased, and all other techniques are
     /// compared with it.
     Reference,
-    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only.  Values of `bounces` above 1 have no
-    /// effect, and 0 leaves the emission only.  Settings: [`Direct`].
+    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only.  Values of `bounces` above 1 have no effect, and 0 leaves the
+    /// emission only.  Settings: [`Direct`].
     Di,
     /// ReSTIR GI (Ouyang et al. 2021; candidates, Jacobian and limits as in Lanz 2025, 4.3 and 4.5.5) for indirect light, and
     /// [`Technique::Di`] for direct light: a complete image with up to `bounces` scattering events.  Settings: [`Paths`] and [`Direct`].
@@ -66,14 +66,13 @@ pub enum Technique {
     /// off.  Settings: [`Paths`] and [`Direct`].
     #[default]
     Pt,
-    /// ReSTIR BDPT (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`], also those that
-    /// connect with a path from a lamp; and light paths that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly
-    /// finds.  Light paths that the camera sees are resampled over time, each in the pixel that it lands in: caustics are smooth in still
-    /// scenes, and follow lamps and objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition
-    /// to the cost of `Pt`, a frame traces [`Bdpt::light_paths`] light paths for each pixel (one by default), and each pixel replays up to three
-    /// more while the camera or something else moves.  Unbiased with [`Jitter::Always`].  Otherwise caustics are blurred by up to a pixel,
-    /// because light paths that the camera sees are averaged over the pixel, and all other light is that of its center.
-    /// Settings: [`Bdpt`] and [`Paths`].
+    /// ReSTIR BDPT (Hedstrom et al. 2025): for caustics and for lamps inside glass, which `Pt` hardly finds.  Whole paths of up to `bounces`
+    /// scattering events are resampled as in [`Technique::Pt`]; some of them connect with a path from a lamp.  Light paths that the camera
+    /// sees are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and objects
+    /// that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition to the cost of `Pt`, a frame traces
+    /// [`Bdpt::light_paths`] light paths for each pixel (one by default), and each pixel replays up to three more while the camera or
+    /// something else moves.  Unbiased with [`Jitter::Always`].  Otherwise caustics are blurred by up to a pixel, because light paths that the
+    /// camera sees are averaged over the pixel, and all other light is that of its center.  Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }
 
@@ -90,11 +89,11 @@ impl Technique {
 /// Lights the image of this camera, a `Camera3d`, by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
-/// The history of earlier frames survives motion of objects, lights and cameras, objects, lights and images that appear, vanish or change, and
-/// skies that do so.  It restarts when
+/// The history of earlier frames survives when objects, lights and cameras move, and when objects, lights, images and skies appear, vanish or
+/// change.  It restarts when
 ///
-/// - an object shows an image that the GPU writes, in every frame, or an image changes and the pixels of the last frame are lost
-///   (`docs/limits.md`, "History restarts");
+/// - an image changes and its pixels of the last frame are lost (`docs/limits.md`, "History restarts"), which happens in every frame while an
+///   object shows an image that the GPU writes;
 /// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
 ///   or a clearcoat, the first texture or vertex color in a scene with alpha, the first texture of transmission, specular, clearcoat or
 ///   anisotropy, or the first object that render layers hide;
@@ -121,8 +120,8 @@ impl Technique {
 pub struct Restir {
     /// Algorithm that computes the light of a pixel.
     pub technique: Technique,
-    /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
-    /// more events is missing (darker).  0 to 64; default 8.
+    /// Greatest number of scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with
+    /// it.  Light that needs more events is missing (darker).  0 to 64; default 8.
     pub bounces: u32,
     /// Traced pixels for each pixel of the viewport, in width and in height.  With 0.5, a frame takes about a third of the time and of the
     /// memory for pixels.  Below 1, light is interpolated between traced pixels that show the same surface: edges of objects, depth and motion
@@ -134,7 +133,7 @@ pub struct Restir {
     /// [`Technique::Bdpt`] (see there).  Default: [`Jitter::Auto`].
     pub jitter: Jitter,
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
-    /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
+    /// 2.1.3), so that rough metals keep their brightness.  Without it, rough metals are too dark.  Cost: one texture read.  Default: on.
     pub energy_compensation: bool,
     /// Limits single very bright pixels (fireflies) of the displayed frame; reservoirs keep the full value.  The light that a pixel's surface
     /// scatters is limited to this number times that of the brightest of the eight pixels around it.  Only neighbors that show the same object
@@ -157,7 +156,7 @@ pub struct Restir {
     /// Direct light that enters objects with [`Subsurface`], for [`Technique::Di`], [`Technique::Gi`], and [`Technique::Pt`] with
     /// [`Paths::separate_direct_light`].  Elsewhere such light is part of the paths, by [`Restir::paths`].
     pub subsurface: SubsurfaceSampling,
-    /// Variants for measurements.
+    /// Variants for measurements, which apps leave at their defaults.
     pub research: Research,
     /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.  It
     /// turns [`Restir::firefly_limit`] and [`Restir::denoiser`] off, and [`Jitter::Auto`] jitters.  No cost; no bias.  Default: off.
@@ -237,8 +236,8 @@ impl Restir {
         warnings
     }
 
-    /// These settings without those that only choose how many samples a frame takes, how it weights them and how it shows them: reservoirs of
-    /// the last frame keep their meaning if nothing else has changed.
+    /// The settings that reservoirs of the last frame depend on: fields that only choose how many samples a frame takes, how it weights them or
+    /// how it shows them have fixed values.
     pub(crate) fn history_key(&self) -> Self {
         let mut settings = self.clone();
         // `paths.candidates` stays: it is part of the MIS weights that reservoirs of paths store.
@@ -273,10 +272,10 @@ impl Restir {
     }
 }
 
-/// Luminance of `StandardMaterial::emissive` = 1 where `emissive_exposure_weight` is 0, and of a base color of 1 of an `unlit` material,
-/// cd/m², for the whole app.  Larger values make emissive surfaces and the light that they cast brighter.  An app whose exposure is not
-/// Bevy's default sets it by [`EmissiveLuminance::for_exposure`], so that lamps look as bright as Bevy draws them.  At least 0 and finite;
-/// default about 998.
+/// Scale of emission for the whole app, cd/m²: the luminance of a material with `emissive` = 1 and `emissive_exposure_weight` = 0, and of an
+/// `unlit` material with a base color of 1.  Larger values make emissive surfaces and the light that they cast brighter.  An app whose
+/// exposure is not Bevy's default sets it by [`EmissiveLuminance::for_exposure`], so that lamps look as bright as Bevy draws them.  At least 0
+/// and finite; default about 998.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -290,7 +289,7 @@ impl EmissiveLuminance {
 }
 
 impl Default for EmissiveLuminance {
-    /// 1/exposure of Bevy's default camera, so that a lamp looks as bright as Bevy's rasterizer draws it.
+    /// [`Self::for_exposure`] of Bevy's default exposure.
     fn default() -> Self {
         Self::for_exposure(&Exposure::default())
     }

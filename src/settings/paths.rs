@@ -90,11 +90,11 @@ pub struct Paths {
     /// densities at both ends of the reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No
     /// bias.  From 1; default 10.
     pub jacobian_limit: f32,
-    /// Trusts a sample of the last frame less where the pixels around it hold the same sample: it then makes room for new ones sooner, so
-    /// that a rare bright path does not spread into a blotch that stays for many frames (after the duplication map of Lin et al. 2026,
-    /// which is defined otherwise and is on by default there).  The value is the share of its confidence that a sample loses where all
-    /// pixels around hold it.  Cost: each pixel compares the reservoir of the sample with eight others.  Biased: slightly darker, because
-    /// bright samples are copied most (`docs/experiments.md`).  0 to 1; default 0, which is off and unbiased.
+    /// Trusts a sample of the last frame less where the pixels around it hold the same sample.  Such a sample makes room for new ones sooner,
+    /// so that a rare bright path does not become a blotch that stays for many frames.  The value is the share of its confidence that a sample
+    /// loses where all pixels around hold it.  Cost: each pixel compares the reservoir of the sample with eight others.  Biased: slightly
+    /// darker, because bright samples are copied most (`docs/experiments.md`).  0 to 1; default 0, which is off and unbiased.  (The duplication
+    /// map of Lin et al. 2026 has the same purpose, another definition, and is on by default there.)
     pub decorrelation: f32,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,

@@ -58,15 +58,15 @@ pub struct Research {
     /// noise for many more rays.  No bias.  Default: on.
     pub russian_roulette: bool,
     /// Where pixels are paired ([`Reuse::paired`](super::Reuse::paired)), shifts that replay paths run in a pass of their own, over a queue
-    /// of the pixels that have some (replay compaction, Lin et al. 2026, supplement, Table 1): threads that need no replay do not wait for
-    /// those that do.  It changes the speed, never the image.  Memory: 8 bytes a pixel.  Default: on.
+    /// of their pixels, so that threads without a replay do not wait for those with one (replay compaction, Lin et al. 2026, supplement,
+    /// Table 1).  It changes the speed, never the image.  Memory: 8 bytes a pixel.  Default: on.
     pub replay_compaction: bool,
-    /// Rays that a pass traces in one dispatch, and the passes of one submission to the GPU together, by an upper estimate from the
-    /// settings: a longer pass runs over bands of the picture, and a longer frame has several submissions.  A driver that resets a GPU which
-    /// is busy for seconds then does not.  Smaller values are safer on slow devices, and cost CPU time for each submission and a little GPU
-    /// time at the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.  Default 0: by
-    /// the device, 2^29 on a graphics card (one submission for a frame of the default settings with 1920 x 1080 pixels, two with four times as
-    /// many), 2^26 on a GPU without memory of its own (four or more), and without a limit on a CPU.
+    /// Greatest number of rays of one dispatch, and of all passes in one submission to the GPU, by an upper estimate from the settings: a pass
+    /// with more rays runs over bands of the picture, and a frame with more has several submissions.  Without a limit, a driver may reset a
+    /// GPU that is busy for seconds.  Smaller values are safer on slow devices, and cost CPU time for each submission and a little GPU time at
+    /// the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.  0, the default, leaves
+    /// the choice to the device: 2^29 on a graphics card (one submission for a frame of the default settings with 1920 x 1080 pixels, two with
+    /// four times as many), 2^26 on a GPU without memory of its own (four or more), and no limit on a CPU.
     pub rays_per_dispatch: u32,
 }
 

@@ -63,26 +63,26 @@ pub struct Reuse {
     /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it a frame uses its own
     /// samples only.  No bias.  Default: on.
     pub temporal: bool,
-    /// Takes the temporal sample from one of the four pixels around the last place of the surface, at random with bilinear weights (Wyman and
-    /// Panteleev 2021, 4.5), instead of the nearest, so that neighboring pixels less often take the same sample under motion; the effect on
-    /// noise has not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
+    /// Takes the temporal sample from one of the four pixels around the last place of the surface, at random with bilinear weights, instead of
+    /// the nearest (Wyman and Panteleev 2021, 4.5): neighboring pixels take the same sample less often under motion.  The effect on noise has
+    /// not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
     /// No bias.  0 to 6, or to 5 in [`ReuseOrder::Spatiotemporal`], where the sample of the last frame takes a place of its own; default 3 for
     /// direct light, 5 for paths, 4 for light that enters objects.
     pub spatial_samples: u32,
-    /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
-    /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
-    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  Without the geometry heuristics
-    /// every surface that was within the image counts as seen.  No bias.  0 to 5; default 3 for direct light, otherwise 5.
+    /// Number of neighbors where the surface was not visible in the last frame, if it is larger than [`Reuse::spatial_samples`] (Wyman and
+    /// Panteleev 2021, 6.4): less noise in disocclusions and after a cut.  Only such pixels pay for these neighbors.  It has an effect only
+    /// with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  Without the geometry heuristics every surface
+    /// that was within the image counts as seen.  No bias.  0 to 5; default 3 for direct light, otherwise 5.
     pub disocclusion_samples: u32,
     /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
     /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners come from squares whose sides are 0.9 to 1.8
-    /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to iterations over samples of the same
-    /// frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`]; in [`Direct`](super::Direct), only with
-    /// [`VisibilityReuse::Resampled`](super::VisibilityReuse::Resampled) and MIS weights with rays; not to light that enters objects.
-    /// Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 (at most 6) or `disocclusion_samples` shifts, whichever is more.
-    /// Default: on for direct light and paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
+    /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  It applies to iterations over samples of the same
+    /// frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`].  [`Direct`](super::Direct) also needs
+    /// [`VisibilityReuse::Resampled`](super::VisibilityReuse::Resampled) and MIS weights with rays.  Light that enters objects has no pairs.
+    /// Memory: 4 bytes a pixel, and 16 for each shift; the number of shifts is the larger one of `spatial_samples` + 1 (at most 6) and
+    /// `disocclusion_samples`.  Default: on for direct light and paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,
@@ -94,10 +94,10 @@ pub struct Reuse {
     /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
     /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels only.  No bias.  1 to 8; default 5.
     pub temporal_attempts: u32,
-    /// Where a moving object hid the surface in the last frame, takes the sample of the surface that was then beside the object, at the same offset
-    /// from it (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving objects, somewhat correlated.  A
-    /// texture read and a projection, at such pixels only; one that finds a sample in this way gets no [`Reuse::disocclusion_samples`].  Has an
-    /// effect with `temporal` and the geometry heuristics.  No bias.  Default: on.
+    /// Where a moving object hid the surface in the last frame, takes the sample of the surface that was visible next to the object then, at
+    /// the same offset from it (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7).  The noise behind moving objects is
+    /// lower and somewhat correlated.  Cost: a texture read and a projection, at such pixels only; a pixel that finds a sample in this way gets
+    /// no [`Reuse::disocclusion_samples`].  It has an effect only with `temporal` and the geometry heuristics.  No bias.  Default: on.
     pub dual_motion: bool,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for direct light, 100 for
@@ -109,8 +109,8 @@ pub struct Reuse {
     pub confidence_cap: f32,
     /// MIS weights.  Default for direct light: pairwise; otherwise defensive pairwise.
     pub mis: Mis,
-    /// Shades all samples that are resampled, each by its share, not only the selected one (decoupled shading, Wyman and Panteleev 2021, 7.1;
-    /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.  Default: on.
+    /// Shades all samples that are resampled, each by its share, instead of the selected one alone: less noise, above all of color, for little
+    /// cost (decoupled shading, Wyman and Panteleev 2021, 7.1; vector weights, Lin et al. 2026, supplement, 7).  No bias.  Default: on.
     pub shade_all: bool,
     /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  Larger values accept fewer
     /// neighbors: black pixels on thin and curved objects.  No bias, except with a biased [`BiasCorrection`](super::BiasCorrection), which
@@ -120,7 +120,7 @@ pub struct Reuse {
     /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02: 0.05 and 0.1 have more noise between thin slats
     /// (`docs/experiments.md`).
     pub depth_threshold: f32,
-    /// Skips neighbors with another material, as one of the geometry heuristics: fewer neighbors are accepted.  No bias.  Default: off.
+    /// Skips neighbors with another material; a test of the geometry heuristics.  Fewer neighbors are accepted.  No bias.  Default: off.
     pub same_material: bool,
 }
 

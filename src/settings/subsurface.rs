@@ -19,10 +19,11 @@ use bevy::{
 /// meshes are allowed.  Objects with `NotShadowCaster` are diffuse, because rays do not find them.
 ///
 /// Every technique renders it.  A path that hits such an object chooses at random between the surface and the scattering below it.
-/// [`Technique::Di`](crate::Technique::Di), [`Technique::Gi`](crate::Technique::Gi), and [`Technique::Pt`](crate::Technique::Pt) with
-/// [`Paths::separate_direct_light`](crate::Paths::separate_direct_light) resample direct light that enters objects apart from other light,
-/// by the settings of [`SubsurfaceSampling`].  Light paths of [`Technique::Bdpt`](crate::Technique::Bdpt) end where they enter an object.
-/// It costs one ray per path and hit of such an object, and a shadow ray; scenes without such objects pay nothing.
+/// Direct light that enters objects has reservoirs of its own in [`Technique::Di`](crate::Technique::Di),
+/// [`Technique::Gi`](crate::Technique::Gi), and [`Technique::Pt`](crate::Technique::Pt) with
+/// [`Paths::separate_direct_light`](crate::Paths::separate_direct_light); [`SubsurfaceSampling`] has their settings.  Light paths of
+/// [`Technique::Bdpt`](crate::Technique::Bdpt) end where they enter an object.  It costs one ray per path and hit of such an object, and a
+/// shadow ray; scenes without such objects pay nothing.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -9,9 +9,9 @@ use super::{BiasCorrection, DebugView, Technique, VisibilityReuse};
 pub(crate) enum Problem {
     /// The field `path` + `name` had a value outside of its range (lowest and highest value); another value is used.
     OutOfRange { path: &'static str, name: &'static str, value: Number, used: Number, range: [Number; 2] },
-    /// The debug view has nothing to show with the technique.
+    /// The debug view has nothing to show with the technique and its settings.
     NothingToShow(DebugView, Technique),
-    /// The bias correction is without its rays, and biased.
+    /// The bias correction traces no rays with this visibility, so that it is biased.
     NoMisRays(BiasCorrection, VisibilityReuse),
 }
 
@@ -33,12 +33,18 @@ impl fmt::Display for Problem {
                 write!(f, "{path}{name} = {value} is out of range ({low} to {high}); {used} is used")
             }
             Self::NothingToShow(view, technique) => {
-                write!(f, "debug_view = {view:?} has nothing to show with technique {technique:?}")
+                write!(
+                    f,
+                    "debug_view = {view:?} has nothing to show with technique {technique:?} and its settings; the \
+                     documentation of DebugView names what it needs"
+                )
             }
             Self::NoMisRays(correction, visibility) => {
                 write!(
                     f,
-                    "direct.bias_correction = {correction:?} traces no rays with direct.visibility = {visibility:?}, and is biased"
+                    "direct.bias_correction = {correction:?} traces no rays with direct.visibility = {visibility:?}, \
+                     and is biased; direct.visibility = {:?} is unbiased",
+                    VisibilityReuse::Resampled
                 )
             }
         }

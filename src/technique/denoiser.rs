@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn the_denoiser_binds_light_where_the_pass_that_it_replaces_does() {
-        let light = |pass: &ComputePass| pass.resources[..5].to_vec();
+        let light = |pass: &ComputePass| pass.resources[..6].to_vec();
         assert_eq!(light(&INPUT), light(&RESOLVE));
     }
 }

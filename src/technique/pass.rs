@@ -48,7 +48,7 @@ pub(crate) enum PassResource {
     PathLight,
     /// The light vertex cache, written; one empty texel without connections.
     LightVertices,
-    /// The light vertex cache, read; likewise.
+    /// The light vertex cache, read; one empty texel without connections.
     LightVerticesRead,
     /// The light map, written.
     LightMap,
@@ -86,11 +86,11 @@ pub(crate) enum PassResource {
     OpticalImages,
     /// Optical images of this frame, read; one empty texel where the scene has nothing smooth.
     OpticalImagesRead,
-    /// Optical images of the last frame, read; likewise.
+    /// Optical images of the last frame, read; one empty texel where the scene has nothing smooth.
     LastOpticalImages,
     /// Places of the optical images in the last frame, written.
     ImagePlaces,
-    /// Places of the optical images in the last frame, read; likewise.
+    /// Places of the optical images in the last frame, read; one empty texel where the scene has nothing smooth.
     ImagePlacesRead,
     /// Means over frames, written.
     Means,
@@ -105,12 +105,12 @@ pub(crate) enum Dispatch {
     Pixels,
     /// One invocation for each entry of the light subsets: workgroups of 64 along x, a subset along y.
     Subsets,
-    /// As many as the replay queue of the last pass asks for.
+    /// As many as the replay queue of the previous pass asks for.
     ReplayQueue,
 }
 
-/// The use of the rays that a pass traces.  A pass over pixels that traces rays can run over bands of the picture: its shader adds
-/// `view.first_pixel` to its coordinates.
+/// The purpose of the rays that a pass traces, by which `rays_of_pixel` estimates their number.  A pass over pixels that traces rays can run
+/// over bands of the picture: its shader adds `view.first_pixel` to its coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rays {
     None,
@@ -122,7 +122,7 @@ pub(crate) enum Rays {
     Shifts,
     /// Shifts from the partners of each pixel to the pixel.
     PairShifts,
-    /// Those of them that replay nothing.
+    /// Shifts as in `PairShifts`, but only those that replay nothing.
     ShortPairShifts,
     /// Light sub-paths.
     LightPaths,

@@ -10,7 +10,8 @@ use crate::settings::Restir;
 
 /// Rays of an optical image (`MAX_SURFACES` in `shaders/pass/denoiser_images.wgsl`).
 const RAYS_OF_IMAGE: u32 = 6;
-/// Rays of direct light: those of the BSDF candidate and of the selected one.
+/// Rays of the candidates of direct light.  On a surface: those of the BSDF candidate and of the selected one; below it: a probe, and the ray
+/// to the selected light.
 const RAYS_OF_DIRECT_CANDIDATES: u32 = 2;
 /// Rays of a shift of light that enters an object: two probes, and the ray to the light.
 const RAYS_OF_SUBSURFACE_SHIFT: u32 = 3;

@@ -49,7 +49,7 @@ impl Division {
         count.clamp(1, self.count().into()) as u32
     }
 
-    /// The first band of each dispatch, and its rows of workgroups, where a dispatch takes so many bands.
+    /// The first band of each dispatch, and its rows of workgroups, if a dispatch takes `together` bands.
     pub(crate) fn dispatches(self, together: u32) -> impl Iterator<Item = (u32, u32)> {
         let first_bands = (0..self.count()).step_by(together as usize);
         first_bands.map(move |band| {
@@ -94,8 +94,8 @@ impl Bands {
 }
 
 /// The limit where the settings leave it to the device.  With default settings, frames trace about a tenth of the estimate.  A GPU that shares
-/// its memory with the CPU may trace a hundredth of the rays that a fast card traces, and no driver resets a CPU.  The web does not tell the kind
-/// of a device.
+/// its memory with the CPU may trace a hundredth of the rays that a fast card traces, and no driver resets a CPU.  Browsers do not reveal the
+/// kind of a device (`Other`).
 pub(super) fn limit_on(device: DeviceType) -> u32 {
     match device {
         DeviceType::DiscreteGpu | DeviceType::VirtualGpu => 1 << 29,

@@ -84,8 +84,8 @@ pub(crate) fn forget_cameras(world: &mut World, is_on: bool) {
     }
 }
 
-/// Whether we render a camera's mirrored meshes.  `rendered`: we rendered its last frame; `None` if it had no view or no image to draw into,
-/// as while its window is minimized or resized.
+/// Whether we render a camera's mirrored meshes.  `rendered`: whether we rendered its last frame; `None` if it had no view or no image to draw
+/// into, for example because its window was minimized or resized.
 fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool {
     match (rendered, lit_by) {
         (Some(true), _) | (None, Some(LitBy::Us)) => true,
@@ -100,7 +100,7 @@ impl HiddenFromBevy {
         !self.views.contains(&view)
     }
 
-    /// Decides about a camera; true if we render its mirrored meshes in this frame.
+    /// Decides whether we render a camera's mirrored meshes in this frame, and remembers the decision.
     fn decide(&mut self, view: Entity, is_active: bool, has_restir: bool, rendered: Option<bool>) -> bool {
         let ours = has_restir && !self.is_off && is_ours(rendered, self.lit_by.get(&view).copied(), self.at_once);
         if is_active {
@@ -191,7 +191,7 @@ fn hide_mirrored_meshes(
     hidden.culled_on_gpu.extend(culled_on_gpu.iter(&main_world).map(MainEntity::from));
 }
 
-/// Gives the main world its lists back, because apps may ask which objects are visible.
+/// Restores the main world's lists, because apps may ask which objects are visible.
 fn restore_lists(mut main_world: ResMut<MainWorld>, mut hidden: ResMut<HiddenFromBevy>) {
     for (camera, list) in hidden.taken.drain(..) {
         if let Some(mut lists) = main_world.get_mut::<VisibleEntities>(camera) {

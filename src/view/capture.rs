@@ -62,13 +62,13 @@ impl RadianceCapture {
         state.is_requested.then_some(state.requests)
     }
 
-    /// Marks a request as served, unless a newer one has been made meanwhile: that one waits for the next frame.
+    /// Marks a request as served, unless there is a newer one, which waits for the next frame.
     pub(super) fn begin(&self, request: u64) {
         let mut state = self.state();
         state.is_requested &= state.requests != request;
     }
 
-    /// Hands the frame to the app, unless a newer request has been made meanwhile.
+    /// Hands the frame to the app, unless there is a newer request.
     pub(super) fn deliver(&self, request: u64, captured: CapturedRadiance) {
         let mut state = self.state();
         if state.requests == request {

@@ -41,7 +41,7 @@ pub(crate) fn capture_radiance(
     }
     // Browsers cannot block; they run the callback on their own.
     if is_reading && let Err(error) = device.poll(PollType::wait_indefinitely()) {
-        warn_once!("restir: waiting for the GPU to finish a radiance capture failed: {error}");
+        warn_once!("restir: waiting for the GPU failed, so that a radiance capture may not arrive: {error}");
     }
 }
 
@@ -64,7 +64,7 @@ fn read_radiance(
     let staging = match allocation::attempt(device, "capture", create) {
         Ok(staging) => staging,
         Err(error) => {
-            warn_once!("restir: no memory to read back the radiance of a capture: {error}");
+            warn_once!("restir: a radiance capture fails, because there is no memory to read it back: {error}");
             return;
         }
     };
@@ -74,7 +74,7 @@ fn read_radiance(
     let mapped = staging.clone();
     staging.slice(..).map_async(MapMode::Read, move |result| {
         if let Err(error) = result {
-            warn_once!("restir: the radiance of a capture could not be read back: {error}");
+            warn_once!("restir: a radiance capture fails, because it could not be read back: {error}");
             return;
         }
         let mut pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec::<u8, _>(&mapped.slice(..).get_mapped_range());

@@ -39,6 +39,7 @@ use crate::{
     warned::Warned,
 };
 
+/// An environment image in use.
 struct Entry {
     importance: ImportanceMap,
     /// Version of the image that the importance map was filled from.
@@ -227,7 +228,7 @@ impl EnvironmentPool {
         }
     }
 
-    /// Features that shaders need for an environment; those of its image while it is being loaded, so that pipelines are compiled once.
+    /// Features that shaders need for an environment.  An image that is being loaded counts as loaded, so that pipelines are compiled once.
     pub(crate) fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
         let Some(e) = environment else { return SceneFeatures::empty() };
         let has_map = self.entry(environment).is_some() || self.is_pending(e);

@@ -16,7 +16,7 @@ use bevy::{
 use super::{ViewPool, capture::RadianceCapture};
 use crate::{
     cpu_times::{CpuTimes, Stage},
-    scene::geometry::render_layers::LayerSets,
+    scene::{extract::lights::MAX_LIGHT, geometry::render_layers::LayerSets},
     settings::{Reduction, Restir, RestirEnvironment},
     warned::Warned,
 };
@@ -114,7 +114,7 @@ impl ExtractedEnvironment {
             true => None,
             false => problem("color", not_finite, "the channels that are not finite count as 0"),
         };
-        let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(1e30) } else { 0.0 };
+        let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(MAX_LIGHT) } else { 0.0 };
         let environment =
             Self { kind, color: color.map(channel).into(), image: image.map(|image| image.id()), rotation };
         (Some(environment), color_problem)
@@ -177,7 +177,7 @@ pub(crate) fn extract_views(
         }
         if !is_3d {
             if warned.is_due((camera_entity, ["Restir", "Camera3d"])) {
-                warn!("restir: camera {camera_entity} has no `Camera3d`, so that nothing lights it");
+                warn!("restir: camera {camera_entity} has no `Camera3d`, so that nothing lights it; insert one");
             }
             continue;
         }

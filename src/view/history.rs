@@ -104,8 +104,8 @@ impl History {
                 .all(|r| r.schedule.reservoir_layout() == (r.domain.schedule)(settings).reservoir_layout())
     }
 
-    /// Whether its resources of pairs and of the denoiser fit these settings.  Reservoirs do not depend on them, so that new ones replace them
-    /// without a reset.
+    /// Whether the resources of pairs and of the denoiser fit these settings.  Reservoirs do not depend on these resources, so that they are
+    /// replaced without a reset.
     pub(crate) fn fits_passes(&self, settings: &Restir, has_images: bool) -> bool {
         self.fits_pairs(settings) && self.fits_denoiser(settings, has_images)
     }

@@ -42,8 +42,8 @@ pub(crate) enum Reset {
     RenderLayers,
     /// From perspective to orthographic, from front faces to back faces, or back.
     Projection,
-    /// The technique or the debug view changed, the first translucent object appeared or the last one disappeared, or the pipelines for the
-    /// first light of a kind, the first material with a new kind of paths, or the first object that render layers hide, have been compiled.
+    /// The technique or the debug view changed, the first translucent object appeared or the last one disappeared, or pipelines have been
+    /// compiled for the first light of a kind, the first material with a new kind of paths, or the first object that render layers hide.
     Pipelines,
 }
 
@@ -84,8 +84,8 @@ impl ResetCounts {
 impl ImageState {
     /// Whether a frame may be averaged with the frames before it: the expected image must be identical.
     fn can_accumulate_onto(&self, last: &Self) -> bool {
-        // A feature that nothing in the scene has any more leaves the image as it is.  So do counts of rays, and pairs and the number of
-        // neighbors, which a budget may change.
+        // A feature that the scene has lost leaves the image as it is.  So do counts of rays, and pairs and the number of neighbors, which a
+        // budget may change.
         let new_features =
             self.pipelines.features.of_pictures() - last.pipelines.features - SceneFeatures::MANY_NEIGHBORS;
         self.pipelines.reads_reservoirs_of(last.pipelines)
@@ -139,7 +139,7 @@ impl ImageState {
         self.environment == last.environment && self.has_environment_image_of(last) && features == of_last
     }
 
-    /// Whether the camera has an environment if it had one in the last frame, and whether its image is the same.
+    /// Whether this frame and the last one both have an environment with the same image, or both have none.
     fn has_environment_image_of(&self, last: &Self) -> bool {
         let image = |state: &Self| (state.environment.map(ExtractedEnvironment::key), state.environment_revision);
         image(self) == image(last)

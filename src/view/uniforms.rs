@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     gpu_layout::*,
-    scene::bindings::SceneBindings,
+    scene::{bindings::SceneBindings, extract::lights::MAX_LIGHT},
     settings::{DebugView, Restir},
 };
 
@@ -102,7 +102,7 @@ impl UniformInputs<'_> {
 
     /// Radiance of the clear color: the exposure turns it into the color again.
     fn background(&self) -> [f32; 3] {
-        (self.restir.background / self.exposure()).to_array().map(|c| if c > 0.0 { c.min(1e30) } else { 0.0 })
+        (self.restir.background / self.exposure()).to_array().map(|c| if c > 0.0 { c.min(MAX_LIGHT) } else { 0.0 })
     }
 
     fn sees_environment(&self) -> bool {
@@ -144,8 +144,8 @@ impl RestirView {
         let jitter = offset.unwrap_or_default();
         let is_jittered_mean = offset.is_some() && self.accumulated > 0;
         let environment = placement_of(restir.environment);
-        // If the image has changed, the old environment is a light that is gone, and the new one is a light that was dark: the old image
-        // may not exist any more.
+        // If the image has changed, the old environment is a light that is gone, and the new one is a light that was dark, because the old
+        // image may be lost.
         let mut previous_environment = self.previous_environment.unwrap_or(environment);
         if !self.same_environment_image {
             previous_environment.color = [0.0; 3];

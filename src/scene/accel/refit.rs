@@ -13,7 +13,7 @@ use crate::scene::accel::{
     },
 };
 
-/// Share of the instances, as its reciprocal.  If more of them have moved or gone, most nodes are due, and all are fitted in one pass.
+/// Share of the instances, as its reciprocal, above which all nodes are fitted in one pass: if more have moved or gone, most nodes are due.
 const FEW: usize = 8;
 
 /// The exact boxes of a tree, and the links by which a refit visits only nodes above instances that have moved.

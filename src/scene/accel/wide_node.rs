@@ -1,4 +1,5 @@
-//! Nodes of 8-wide compressed trees on the CPU: their children and the boxes of these (`shaders/trace/tree.wgsl` has the layout).
+//! Nodes of 8-wide compressed trees on the CPU: reads and writes their children and the children's boxes (`shaders/trace/tree.wgsl` has the
+//! layout).
 
 use crate::gpu_layout::NODE_STRIDE;
 use crate::scene::accel::blas::{Bounds, NO_BOUNDS, joined};
@@ -30,7 +31,7 @@ pub(crate) fn child(node: &[[u32; 4]], slot: usize) -> Child {
     if count == 0 { Child::Empty } else { Child::Leaf(first as usize, (first + count) as usize) }
 }
 
-/// Takes a leaf out of a node.  No ray hits its slot any more, whatever box the slot has.
+/// Takes a leaf out of a node: no ray hits an empty slot, whatever its box.
 pub(crate) fn remove_leaf(node: &mut [[u32; 4]], slot: usize) {
     node[1][2 + slot / 4] &= !(0xff_u32 << (8 * (slot % 4)));
 }
@@ -65,7 +66,8 @@ fn cell(exponent: u32) -> f64 {
     power_of_two(exponent as i32 - 127)
 }
 
-/// Planes of the boxes of children are low + q·cell, where q has 8 bits and the cell is a power of two.
+/// Writes the boxes of a node's children, rounded outward.  Each plane is low + q·cell, where q has 8 bits and the cell is a power of two.  The
+/// first bounds are those of all children.
 pub(crate) fn write_boxes(node: &mut [[u32; 4]], (low, high): &Bounds, children: &[Bounds; CHILDREN]) {
     let mut exponents = 0;
     for k in 0..3 {

@@ -71,7 +71,8 @@ impl AnalyticLight {
     }
 }
 
-/// Greatest intensity, illuminance, power or radiance of a light.  Products of one of them and a few other numbers must not overflow.
+/// Greatest intensity, illuminance, power or radiance of lights, emissive surfaces and environments.  Products of one of them and a few other
+/// numbers must not overflow.
 pub(crate) const MAX_LIGHT: f32 = 1e30;
 
 /// A light's brightness, at most [`MAX_LIGHT`].  Brightness that is not finite stays as it is, so that the light table leaves the light out.

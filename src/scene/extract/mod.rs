@@ -82,7 +82,10 @@ pub(crate) fn extract_settings(
     scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
     scene.emissive_luminance = emissive_luminance.0;
     if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
-        warn_once!("restir: EmissiveLuminance is {}, which is not a luminance; 0 is used", scene.emissive_luminance);
+        warn_once!(
+            "restir: EmissiveLuminance is {}, which is negative or not finite; 0 is used",
+            scene.emissive_luminance
+        );
         scene.emissive_luminance = 0.0;
     }
 }

@@ -1,4 +1,4 @@
-//! Builds in the background, whose results later frames use.
+//! Work in the background, whose results later frames use.
 
 use bevy::tasks::{AsyncComputeTaskPool, Task, block_on, futures::check_ready};
 
@@ -18,11 +18,11 @@ impl<T: Send + 'static> Background<T> {
         Self { task: AsyncComputeTaskPool::get().spawn(async move { build() }), due }
     }
 
-    /// The result, once it is used; no later call is allowed then.
+    /// The result, once it may be used; after that, it must not be called again.
     ///
-    /// `waits`: pictures must be repeatable, so the frame in which a result is used does not depend on how long its build takes: that frame
-    /// waits for it.  Elsewhere no frame waits, because a build may take long: pipelines compile in the same threads.  On the web a frame
-    /// that waits would never end.
+    /// With `waits`, pictures are repeatable: the frame in which the result is due waits for it, so that its use does not depend on how long the
+    /// build takes.  Otherwise no frame waits, because a build may take long: pipelines compile in the same threads.  On the web, a frame that
+    /// waits would never end.
     pub(super) fn take(&mut self, frame: u64, waits: bool) -> Option<T> {
         match waits {
             true if frame < self.due => None,

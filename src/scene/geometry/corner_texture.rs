@@ -83,7 +83,7 @@ impl<T: Pod> CornerTexture<T> {
     fn warn_of_size(&mut self, count: u32) {
         if !core::mem::replace(&mut self.warned, true) {
             warn!(
-                "restir: the {} of {count} triangles do not fit this device; shaders read {} instead",
+                "restir: the {} of {count} triangles do not fit this device; {} is used instead",
                 self.label, self.otherwise
             );
         }

@@ -42,8 +42,8 @@ impl GpuTlas {
         Some((new, bytes))
     }
 
-    /// Writes some units, in ascending order, of trees that have room in this range and whose main tree has the topology of that here.  Returns
-    /// the number of bytes sent.
+    /// Writes some units of trees, in ascending order.  The trees must fit this range, and their main tree must have the topology of the one
+    /// here.  Returns the number of bytes sent.
     fn write_units(&mut self, trees: &JoinedTrees, units: &[usize], meshes: &MeshPool, uploads: &mut Uploads) -> u64 {
         let mut runs = joined_runs(units.iter().copied());
         let units: Vec<_> = runs.iter().cloned().flatten().map(|unit| trees.unit(unit, self.range.start)).collect();
@@ -62,7 +62,7 @@ impl GpuTlas {
         trees.end() <= self.range.len()
     }
 
-    /// Index of the root node, or `NONE` for an empty tree.
+    /// Index of the root node; `NONE` for an empty tree.
     pub(crate) fn root(&self) -> u32 {
         self.root.unwrap_or(NONE)
     }
@@ -104,7 +104,7 @@ impl TlasPair {
         }
     }
 
-    /// Writes trees of which the main one is new.  Returns the number of bytes sent; `None` if the device has no room.
+    /// Writes trees whose main tree is a new one.  Returns the number of bytes sent; `None` if the device has no room.
     pub(super) fn replace(&mut self, trees: &JoinedTrees, meshes: &mut MeshPool, uploads: &Uploads) -> Option<u64> {
         self.differences = None;
         self.release_replaced(meshes);

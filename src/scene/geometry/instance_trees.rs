@@ -1,6 +1,6 @@
 //! The two trees of the top level.  The main tree has the instances that were there when it was built.  Those that have come since are in a
-//! small tree beside it, which is built again whenever one of them comes, moves or goes.  So an instance that comes costs as much time as the
-//! small tree, and not as much as the scene.
+//! small tree of their own, which is built again whenever one of them comes, moves or goes: the cost of a new instance depends on the size of
+//! the small tree, not on that of the scene.
 //!
 //! Where instances of the main tree move, it is refitted, and those that go are taken out of it (`accel/refit.rs`).  When newcomers have become
 //! many, or have rested for a while, a main tree over all instances is built in the background.
@@ -16,13 +16,14 @@ use crate::scene::{
     geometry::joined_trees::JoinedTrees,
 };
 
-/// Cost of a tree that is refitted, relative to its cost when it was built, beyond which it is built again, in the same frame: a ray that visits
-/// too many nodes ends with an error.
+/// Greatest cost of a refitted tree, relative to its cost when it was built.  Beyond it, the tree is built again in the same frame, because a
+/// ray that visits too many nodes ends with an error.
 const MAX_COST: f64 = 1.2;
-/// So few instances are always in one tree, which is built again when one of them comes or goes.
+/// Up to this number of instances, there is only one tree, which is built again when one of them comes or goes.
 const FEW_INSTANCES: usize = 64;
-/// Share of the instances, as its reciprocal, beyond which newcomers are many; and bounds of their number.
+/// Share of the instances, as its reciprocal, beyond which newcomers are many.
 const MANY: usize = 8;
+/// Least and greatest number of newcomers that this share stands for.
 const LEAST_MANY: usize = 64;
 const MOST_MANY: usize = 512;
 /// Frames after which newcomers that have not changed enter the main tree, however few they are.
@@ -96,7 +97,7 @@ impl MainTree {
     }
 
     /// Fits the tree to the entries at the places `moved`, and takes those at the places `gone` out of it.  Returns the nodes that may have
-    /// changed, in ascending order; `None` if the tree is not good any more.
+    /// changed, in ascending order; `None` if the tree must be built again.
     fn fit(&mut self, moved: &[u32], gone: &[u32]) -> Option<Vec<usize>> {
         let refit = self.refit.as_mut()?;
         if moved.is_empty() && gone.is_empty() {
@@ -176,8 +177,8 @@ impl InstanceTrees {
         *self = Self { frame, waits, main: MainTree::build(entries), ..Default::default() };
     }
 
-    /// Lets the trees follow the slots in which an instance has come, moved or gone.  `bounds_in`: the bounds of the instance that is in a slot
-    /// now, if rays can hit it.  Returns `None` if the trees cannot follow: they must be built again.
+    /// Updates the trees for the slots in which an instance has come, moved or gone.  `bounds_in`: the bounds of the instance that is in a slot
+    /// in this frame, if rays can hit it.  Returns `None` if the trees must be built again.
     pub(super) fn update(&mut self, changed: &[u32], bounds_in: impl Fn(u32) -> Option<Bounds>) -> Option<Change> {
         self.frame += 1;
         let edits = self.take_over(changed, bounds_in);
@@ -274,7 +275,7 @@ impl InstanceTrees {
                     built.entries[place as usize].1 = bounds;
                     moved.push(place);
                 }
-                // Its instance has gone. Or the slot has a newcomer that has moved since the build began, or that came after it.
+                // Its instance has gone, or the slot holds a newcomer that moved or came after the build began.
                 None => {
                     built.forget(slot);
                     gone.push(place);

@@ -5,7 +5,7 @@
 //! slot of an instance that has disappeared, or that was edited, keeps its record for one frame with the flag [`INSTANCE_GONE`], and a slot
 //! that the last frame did not have carries [`INSTANCE_APPEARED`].
 //!
-//! A frame visits the instances that are due: those that have changed, those whose mesh or material has, and those that the last frame left
+//! A frame visits the instances that are due: changed ones, instances of a changed mesh or material, and those that the last frame left
 //! unsettled, because they moved, appeared or wait for something.  Most visits are to instances that have only moved, and are short.
 
 #[cfg(feature = "testing")]
@@ -40,7 +40,7 @@ use crate::scene::{
 use crate::warned::Warned;
 use problems::InstanceProblem;
 
-/// Share of the instances, as its reciprocal.  If more of them have come since the last sort, they are sorted.
+/// Share of the instances, as its reciprocal.  They are sorted if more than this share have come since the last sort.
 const SORT_SHARE: usize = 8;
 
 /// The instances of the scene.
@@ -100,7 +100,7 @@ pub(crate) struct InstancePool {
     pub motion_revision: u64,
     /// Counts the frames in which instances appeared or disappeared, or were edited.
     pub membership_revision: u64,
-    /// Counts edits of instances that had to keep their slot, because the device binds no more slots.
+    /// Counts edits of instances that had to keep their slot, because the device cannot bind another one.
     pub edit_revision: u64,
 }
 
@@ -154,8 +154,8 @@ impl InstancePool {
         core::mem::take(&mut self.unsettled)
     }
 
-    /// Visits the instances that are `due`, in the order of their entities, and those that have only `moved`.  Materials are packed before,
-    /// and light ids are set afterwards.
+    /// Visits the instances that are `due`, in the order of their entities, and those that have only `moved`.  Call it after materials are
+    /// packed and before light ids are set.
     pub(crate) fn update(
         &mut self,
         due: Vec<MainEntity>,

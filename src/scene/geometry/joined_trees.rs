@@ -1,8 +1,12 @@
 //! Two trees with a common root, as the node buffer has them.
 //!
-//! Children of a node stand side by side, so the roots of the two trees are neighbors.  In units of a node, the order is: the common root, the
-//! root of the main tree, the root of the tree over newcomers, the other nodes of the main tree, its list of entries, and at last the other
-//! nodes and the list of the tree over newcomers, whose size changes often.  Without newcomers, rays start at the root of the main tree.
+//! Children of a node stand side by side, so the roots of the two trees are neighbors.  In units of a node, the order is:
+//!
+//! 1. the common root, the root of the main tree and the root of the tree over newcomers;
+//! 2. the other nodes of the main tree, and its list of entries;
+//! 3. the other nodes of the tree over newcomers, and its list; they come last, because their size changes often.
+//!
+//! Without newcomers, rays start at the root of the main tree.
 
 use crate::scene::accel::{
     blas::{Bounds, bake},
@@ -42,7 +46,7 @@ impl<'a> JoinedTrees<'a> {
         REST + nodes_below_root(self.main)
     }
 
-    /// Where the tree over newcomers begins, but for its root.
+    /// Where the tree over newcomers begins, without its root.
     pub(super) fn newcomers_start(&self) -> usize {
         self.list_start() + size_of_list(self.main)
     }
@@ -69,7 +73,8 @@ impl<'a> JoinedTrees<'a> {
     pub(super) fn unit(&self, unit: usize, start: u32) -> Node {
         let (list, newcomers) = (self.list_start(), self.newcomers_start());
         let newcomers_list = self.newcomers_list_start();
-        // Indices of nodes count from the root in each tree, and the others follow further behind.
+        // In each tree, the nodes below the root have the indices from 1 on.  Here those of the main tree begin at the unit `REST`, and those of
+        // the other tree at the unit `newcomers`.
         let of_main = |node: usize| baked(self.main, node, start + (REST - 1) as u32, 0);
         let of_newcomers = |node: usize| {
             let entries_before = 4 * STRIDE * (newcomers_list - list);

@@ -59,7 +59,7 @@ pub(crate) struct MeshEntry {
     pub bounds: Bounds,
     /// Corners of its triangles, for the powers of emissive ones and for the tree over instances that rest.
     pub corners: Option<CornerCopy>,
-    /// Second texture coordinates of all corners, for the time when a material uses them; empty if the mesh has none.
+    /// Second texture coordinates of all corners, kept until a material uses them; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Vertex colors in the same order; empty if the mesh has none.
     pub colors: Vec<[HalfColor; 3]>,
@@ -92,7 +92,7 @@ pub(crate) struct MeshPool {
     arrivals: VecDeque<(AssetId<Mesh>, Built)>,
     /// Meshes that are left out, so that no instance waits for them: without a usable triangle, too large, unreadable, or failed to build.
     left_out: HashSet<AssetId<Mesh>>,
-    /// Those of them that did not fit the device, for the time when other meshes or bodies are gone.
+    /// Meshes of `left_out` that did not fit the device.  They are tried again when other meshes or bodies are gone.
     too_large: HashMap<AssetId<Mesh>, Box<Blas>>,
     /// Meshes that no instance shows.  They take no room on the GPU until one does.
     unused: HashMap<AssetId<Mesh>, Box<Blas>>,
@@ -199,7 +199,7 @@ pub(crate) fn queue_meshes(
     }
 }
 
-/// Uploads the meshes that instances show and whose build has finished, as many as a frame may.
+/// Uploads the meshes that instances show and whose build has finished, up to the limit of a frame.
 pub(crate) fn finish_meshes(
     mut pool: ResMut<MeshPool>,
     mut scene: ResMut<ExtractedScene>,
@@ -283,7 +283,7 @@ impl MeshPool {
         ]
     }
 
-    /// The pool.  `waits`: pictures must be repeatable, so frames wait for copies of emissive meshes.
+    /// This pool, which waits for copies of emissive meshes if pictures must be repeatable (`waits`).
     pub(crate) fn that_may_wait(mut self, waits: bool) -> Self {
         self.copies.waits = waits;
         self

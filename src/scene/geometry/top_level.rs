@@ -40,7 +40,7 @@ pub(crate) struct TopLevel {
     pub(super) resting: RestingInstances,
     /// Ranges of such trees that only the last frame's top level has.
     outdated: Vec<Range<u32>>,
-    /// Replaces both when rays are traced by ray queries.
+    /// The device's own top level, in place of `trees` and `resting`, when rays are traced by ray queries.
     pub structures: Option<AccelerationStructures>,
     /// The instances for `structures`.
     placed: Vec<Placed>,
@@ -83,7 +83,7 @@ fn placed(
 }
 
 impl TopLevel {
-    /// A top level that we build.  `waits`: pictures must be repeatable, so frames wait for trees that are built in the background.
+    /// A top level that this crate builds.  `waits`: pictures must be repeatable, so frames wait for trees that are built in the background.
     pub(crate) fn for_software_rays(waits: bool) -> Self {
         Self { resting: RestingInstances::new(waits), trees: InstanceTrees::new(waits), ..Default::default() }
     }
@@ -110,7 +110,7 @@ impl TopLevel {
         }
     }
 
-    /// Lets the trees follow the instances.  Returns whether one appeared, disappeared or moved; another grouping of instances does not count.
+    /// Updates the trees for the instances.  Returns whether one appeared, disappeared or moved; another grouping of instances does not count.
     /// The trees of the last frame stay on the GPU for one frame.
     pub(super) fn update(
         &mut self,

@@ -1,9 +1,9 @@
 //! A tree over the triangles of the instances that rest, in world space.
 //!
 //! A ray enters the tree of each instance whose bounds it crosses, with a transform of its own.  Where the bounds of many instances overlap,
-//! as those of a building that is split by material do, most of these visits find nothing.  One tree over all their triangles is entered
-//! once, and without a transform.  It holds copies of the triangles, so that its size is limited, and it serves only as long as none of its
-//! instances changes: the top level then has single instances again, until they have rested for a while.
+//! for example in a building that is split by material, most of these visits find nothing.  One tree over all their triangles is entered
+//! once, and without a transform.  It holds copies of the triangles, so its size is limited.  It serves as long as none of its instances
+//! changes; then the top level has single instances again, until they have rested for a while.
 
 #[cfg(feature = "testing")]
 use bevy::app::App;
@@ -133,15 +133,18 @@ impl Members {
     }
 }
 
+/// A tree that is being built.
 struct Pending {
     build: Background<Option<WorldTree>>,
     members: Members,
 }
 
+/// The tree on the GPU.
 struct Current {
     members: Members,
     /// Its range in the buffer of nodes.
     range: Range<u32>,
+    /// The frame in which it was uploaded.
     since: u64,
 }
 
@@ -313,7 +316,7 @@ impl RestingInstances {
         self.current.as_ref().map(|current| (WORLD_TREE | current.range.start, current.members.bounds))
     }
 
-    /// Ranges of trees that are not used any more once a new top level is on the GPU and a frame has passed.
+    /// Ranges of trees that are free once a new top level is on the GPU and a frame has passed.
     pub(super) fn take_outdated(&mut self) -> Vec<Range<u32>> {
         core::mem::take(&mut self.outdated)
     }
@@ -325,8 +328,8 @@ fn is_in_range((min, max): Bounds) -> bool {
     min.iter().chain(&max).all(|coordinate| coordinate.abs() < FARTHEST)
 }
 
-/// Whether the triangles of an instance are those of its mesh, as they do not bend, and stay so, because the mesh is not being built again;
-/// and whether the CPU has a copy of them.
+/// Whether the CPU has a copy of the triangles of an instance.  They must be those of its mesh, so the instance must not bend, and its mesh must
+/// not be built again.
 fn has_known_triangles(slot: u32, live: &LiveInstance, instances: &InstancePool, meshes: &MeshPool) -> bool {
     let instance = instances.get(slot);
     let mesh = meshes.get(live.mesh).filter(|_| !meshes.is_building(live.mesh));
@@ -334,7 +337,7 @@ fn has_known_triangles(slot: u32, live: &LiveInstance, instances: &InstancePool,
     instance.flags & INSTANCE_DEFORMED == 0 && mesh.is_some_and(is_known)
 }
 
-/// The instances of the meshes with the fewest triangles in all their instances, as many as fit.
+/// The instances of as many meshes as fit [`MAX_TRIANGLES`], from the mesh whose instances together have the fewest triangles upwards.
 fn within_budget<'a>(resting: &[(u32, &'a LiveInstance)]) -> Vec<(u32, &'a LiveInstance)> {
     let mut totals: HashMap<AssetId<Mesh>, usize> = HashMap::default();
     for (_, live) in resting {

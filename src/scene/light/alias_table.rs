@@ -9,16 +9,16 @@ use crate::gpu_layout::GpuLight;
 /// the error of a frame grows at most as if it had 20 % fewer light candidates.
 const LEAST_SHARE: f64 = 0.2;
 
-/// Largest probability of the environment beside distant lights only, or others only.  The smallest one is `PROBABILITY_MIN` of
-/// `shaders/light/select.wgsl`, which must stay below this and the next limit.
+/// Largest probability of choosing the environment, if the table has distant lights only, or others only.  The smallest probability is
+/// `PROBABILITY_MIN` of `shaders/light/select.wgsl`, which must stay below this and the next limit.
 pub const ENVIRONMENT_LIMIT: f32 = 0.8;
 
-/// Largest probability of the environment beside lights of both kinds: where a sun and a sky shine over a room, its lamps have a joint
-/// probability of at least 0.1.
+/// Largest probability of choosing the environment, if the table has lights of both kinds: where a sun and a sky shine over a room, its lamps
+/// have a joint probability of at least 0.1.
 pub const ENVIRONMENT_LIMIT_BESIDE_SUNS_AND_LAMPS: f32 = 0.5;
 
 /// Scales powers for the choice of a light, so that distant lights and all others each keep at least `LEAST_SHARE`.  Returns the largest
-/// probability of the environment beside these lights.
+/// probability of choosing the environment instead of one of these lights.
 pub fn balance_distant_lights(powers: &mut [f64], is_distant: impl Fn(usize) -> bool) -> f32 {
     let usable = |p: f64| if p.is_finite() && p > 0.0 { p } else { 0.0 };
     let max = powers.iter().copied().map(usable).fold(0.0, f64::max);

@@ -19,8 +19,8 @@ use crate::scene::{
 };
 
 impl LightPool {
-    /// Panics if an emitter differs from the scene, if, after a change, a record differs from its table, or if a light of one frame is not
-    /// linked to that of the same owner in the other frame.
+    /// Panics if an emitter differs from the scene.  After a change, also panics if a record differs from its table, or if a light of one frame
+    /// is not linked to that of the same owner in the other frame.
     pub(crate) fn check(
         &self,
         scene: &ExtractedScene,

@@ -92,7 +92,7 @@ impl EmissiveMesh {
         (MeshTable { version: self.version, metric: self.metric, area }, entries)
     }
 
-    /// Area of the instance, m², if the table holds for it: a motion and a uniform scale keep the shares of the triangles.
+    /// Area of the instance, m²; `None` if the table does not hold for it.  Motions and uniform scales keep the shares of the triangles.
     pub(super) fn area_by(&self, table: &MeshTable) -> Option<f64> {
         let size = |m: &[f32; 6]| m[0] + m[1] + m[2];
         let scale = if self.metric == table.metric { 1.0 } else { size(&self.metric) / size(&table.metric) };

@@ -60,7 +60,7 @@ pub(super) fn meshes_of(emitters: &[(MainEntity, Emitter)]) -> impl Iterator<Ite
     emitters.iter().filter_map(|(_, emitter)| emitter.mesh())
 }
 
-/// Whether the instance of an entity emits as it did when these emitters were gathered.
+/// Whether the lights of an entity's instance are those that it had when these emitters were gathered.
 pub(super) fn is_unchanged_mesh(
     entity: MainEntity,
     emitters: &[(MainEntity, Emitter)],

@@ -1,8 +1,8 @@
 //! The light table (`LightTable`) of this frame and, because temporal reuse reads it too, that of the last frame.
 //!
-//! A change costs time by the number of bins and of emissive instances, and by the triangles whose records change.  An emissive instance
-//! that moves without another size changes nothing.  A mesh whose material is edited has another slot, which the records of its triangles
-//! name.
+//! The time of a change grows with the number of bins and of emissive instances, and with the number of triangles whose records change.  An
+//! emissive instance that moves and keeps its size changes nothing.  A mesh whose material is edited gets another slot, which the records of
+//! its triangles name.
 //!
 //! Emissive triangles beyond the device's limit are not in the table, but BSDF sampling still hits them: the picture is noisier, not darker.
 
@@ -78,7 +78,7 @@ pub(super) enum LastTable {
     #[default]
     Same,
     Other(LightTable),
-    /// It has lost its place: none of its lights is found in this frame.
+    /// Its records were overwritten, so that this frame finds none of its lights.
     Lost,
 }
 
@@ -316,7 +316,7 @@ impl LightPool {
         self.table.power
     }
 
-    /// Largest probability of the environment beside the table.
+    /// Largest probability of choosing the environment instead of a light of the table.
     pub(crate) fn environment_limit(&self) -> f32 {
         self.table.environment_limit
     }

@@ -13,7 +13,7 @@ use crate::scene::storage::{
 /// A copy of the records on the CPU, with the ranges of them that are in use.
 #[derive(Debug, Default)]
 pub(super) struct LightRecords {
-    /// The content of the buffer, once the dirty ranges are sent.  Behind its end the content is unknown.
+    /// The content of the buffer, once the dirty ranges are sent.  Beyond the end of this list, the content of the buffer is unknown.
     records: Vec<GpuLight>,
     ranges: RangeAllocator,
     /// Ranges that only the table of the last frame uses.
@@ -33,7 +33,7 @@ impl LightRecords {
         self.ranges.allocate(count)
     }
 
-    /// Keeps a range for the rest of this frame, whose shaders also read the table of the last frame.
+    /// Keeps a range for the rest of this frame, because its shaders also read the table of the last frame.
     pub(super) fn retire(&mut self, range: Range<u32>) {
         self.retired.push(range);
     }

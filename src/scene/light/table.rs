@@ -1,11 +1,11 @@
-//! The table of lights.  Its first level has a bin for each analytic light and each emissive instance, in this order: an alias table over the
+//! The table of lights.  Its first level has a bin for each analytic light, and then one for each emissive instance.  An alias table over the
 //! bins selects in proportion to power, except that distant lights and the others each keep a least share (`balance_distant_lights`).  Each
 //! instance has an alias table over its triangles.
 //!
-//! The records of a table lie in ranges that are allocated one by one.  The bins have a range, which another one replaces whenever something
-//! changes, so that those of the last frame stay for temporal reuse.  Each instance has a range with a header and its triangles behind it.
-//! The range stays where it is as long as the instance keeps its slot and its triangles.  A triangle names its header, and the header names
-//! the bin.  So a light that appears, disappears or changes leaves the triangles of all other instances as they are.
+//! The records of a table lie in ranges that are allocated one by one.  All bins are in one range.  Whenever something changes, they get
+//! another range, so that those of the last frame stay for temporal reuse.  Each instance has a range with a header, followed by its
+//! triangles.  The range stays where it is as long as the instance keeps its slot and its triangles.  A triangle names its header, and the
+//! header names the bin.  So a light that appears, disappears or changes leaves the triangles of all other instances as they are.
 
 use bevy::render::sync_world::MainEntity;
 use std::ops::Range;
@@ -23,6 +23,7 @@ use crate::scene::geometry::{instances::InstancePool, meshes::corner_copies::Cor
 /// The range of the bins has a multiple of this length, so that it can be used again when there are a few lights more or less.
 const BINS_STEP: u32 = 64;
 
+/// The table of one frame.
 pub(super) struct LightTable {
     /// Range of the bins, at whose end some records may be unused.
     pub place: Range<u32>,
@@ -38,7 +39,7 @@ pub(super) struct LightTable {
     choice: Vec<AliasEntry>,
     /// Sum of the powers.
     pub power: f64,
-    /// Largest probability of the environment beside the table.
+    /// Largest probability of choosing the environment instead of a light of the table.
     pub environment_limit: f32,
 }
 
@@ -68,6 +69,7 @@ pub(super) struct NextTable<'a> {
     pub computed: u64,
 }
 
+/// An emissive instance of the next table.
 struct NextMesh {
     source: TriangleSource,
     table: MeshTable,
@@ -93,8 +95,8 @@ impl<'a> NextTable<'a> {
         self.record_count += mesh.record_count();
     }
 
-    /// Finds the lights in the last table, and computes the powers of the instances.  Those that were in the last table keep their choice
-    /// among the triangles, if it holds.
+    /// Finds the lights in the last table, and computes the powers of the instances.  Instances of the last table keep their choice among the
+    /// triangles, if it still holds.
     pub(super) fn weighed(mut self, last: &LightTable, instances: &InstancePool) -> Self {
         self.before = groups_before(&last.groups, &self.groups);
         for ((mesh, corners), before) in self.emissive.drain(..).zip(&self.before[self.analytic.len()..]) {
@@ -141,8 +143,8 @@ impl Default for LightTable {
 }
 
 impl LightTable {
-    /// Makes a table beside that of the last frame, and retires the ranges that only the last one uses.  Sets the first lights of the
-    /// instances.
+    /// Makes the table of a frame, while the last one stays valid, and retires the ranges that only the last one uses.  Sets the first lights
+    /// of the instances.
     pub(super) fn after(
         last: &Self,
         next: NextTable,
@@ -266,7 +268,7 @@ fn header(bin: u32, other: Option<&MeshLights>) -> GpuLight {
     GpuLight { link: other.map_or(NONE, |other| other.triangles().start), data: [bin, 0], ..Default::default() }
 }
 
-/// The choice of a bin, the sum of the powers, and the largest probability of the environment beside them.
+/// The choice of a bin, the sum of the powers, and the largest probability of choosing the environment instead.
 fn choice_by_power(powers: &[f64], analytic: &[GpuLight]) -> (Vec<AliasEntry>, f64, f32) {
     let power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
     let mut balanced = powers.to_vec();

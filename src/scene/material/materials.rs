@@ -88,7 +88,7 @@ pub(crate) struct MaterialPool {
     /// Slots that must be packed again.
     stale: Vec<u32>,
     all_stale: bool,
-    /// Counts the overwriting of slots that the last frame used, where the device binds no more slots.
+    /// Counts slots of the last frame that had to be overwritten, because the device cannot bind another one.
     pub edit_revision: u64,
 }
 

@@ -11,7 +11,7 @@ use core::cell::Cell;
 use super::texture_slots::LAYER_SLOTS;
 use crate::{
     gpu_layout::*,
-    scene::{features::SceneFeatures, texture::textures::TexturePool},
+    scene::{extract::lights::MAX_LIGHT, features::SceneFeatures, texture::textures::TexturePool},
 };
 
 /// Packs a material for shaders.  Clamps numbers to their ranges and replaces those that are not finite, so that no material causes a NaN.
@@ -62,11 +62,11 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
 
     let emissive = if m.unlit {
         // The shaders multiply it by the base color: the camera sees an unlit material as a lamp of its color, which lights nothing.
-        [(emissive_luminance * excess).min(1e30); 3]
+        [(emissive_luminance * excess).min(MAX_LIGHT); 3]
     } else {
         // With a weight of 1, `emissive` is in cd/m².
         let unit_luminance = emissive_luminance + (1.0 - emissive_luminance) * unit(m.emissive_exposure_weight);
-        m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * unit_luminance).min(1e30))
+        m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * unit_luminance).min(MAX_LIGHT))
     };
     let rotation = finite(m.anisotropy_rotation, 0.0);
     let packed = GpuMaterial {

@@ -121,7 +121,7 @@ impl SubsurfacePool {
         index.map_or(0, |index| INSTANCE_SUBSURFACE | index << INSTANCE_SUBSURFACE_SHIFT)
     }
 
-    /// Gives up the record of an object that is not shown any more.
+    /// Gives up the record of an object that has disappeared.
     pub(crate) fn release(&mut self, entity: MainEntity) {
         if let Some(index) = self.users.remove(&entity) {
             self.leave(index);
@@ -141,7 +141,7 @@ impl SubsurfacePool {
         let mut valid = subsurface;
         let warnings = valid.validate();
         if !warnings.is_empty() && self.warned.is_due(entity) {
-            warn!("restir: entity {} has a Subsurface out of range: {}", *entity, warnings.join(", "));
+            warn!("restir: entity {} has a Subsurface with values out of range: {}", *entity, warnings.join(", "));
         }
         let scatters = valid.weight != 0.0 && valid.mean_free_path.max_element() != 0.0;
         scatters.then(|| valid.mean_free_path.extend(valid.weight).to_array())

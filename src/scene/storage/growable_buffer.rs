@@ -13,7 +13,7 @@ use std::{marker::PhantomData, ops::Range};
 use super::{allocation, uploads::Uploads};
 use crate::device;
 
-/// Most runs that are written one by one.  A write takes some microseconds, ten times as long as a copy on the GPU.
+/// Greatest number of runs that are written one by one.  A write takes some microseconds, ten times as long as a copy on the GPU.
 const MAX_WRITES: usize = 4;
 
 /// A storage buffer of `T` that grows by doubling, up to the device's binding limit.
@@ -96,7 +96,7 @@ impl<T: Pod> GrowableBuffer<T> {
         bytes.len() as u64
     }
 
-    /// Uploads runs of `data`, in ascending order, to the same places.  Returns the number of bytes sent.
+    /// Uploads these runs of `data`, which are in ascending order, to the same places in the buffer.  Returns the number of bytes sent.
     pub(crate) fn write_runs(&self, runs: &[Range<usize>], data: &[T], uploads: &mut Uploads) -> u64 {
         self.write_parts(runs, runs.iter().map(|run| &data[run.clone()]), uploads)
     }

@@ -1,7 +1,7 @@
 //! The uploads of a frame.
 //!
-//! On native platforms wgpu makes a staging buffer for each `write_buffer`, and does not use it again.  Each submission calls the driver and
-//! looks for finished work.  So many small pieces of a buffer share a staging buffer, and all buffers share a submission.
+//! On native platforms wgpu makes a staging buffer for each `write_buffer` and does not reuse it, and each submission calls the driver and
+//! looks for finished work.  Here, many small pieces of a buffer share a staging buffer, and all buffers share a submission.
 
 use bevy::render::{
     render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, CommandEncoderDescriptor},
@@ -10,8 +10,8 @@ use bevy::render::{
 
 /// The device, and copies that it runs in [`Self::submit`].
 ///
-/// They run after all writes to the queue, also after those that follow [`Self::scatter`].  So until they are submitted, their destination
-/// must not grow, and nothing else may be written to the same places.
+/// The copies run after all writes to the queue, even those that follow [`Self::scatter`].  Until they are submitted, their destination must
+/// not grow, and nothing else may be written to the same places.
 pub(crate) struct Uploads<'a> {
     pub device: &'a RenderDevice,
     pub queue: &'a RenderQueue,
@@ -24,7 +24,7 @@ impl<'a> Uploads<'a> {
         Self { device, queue, encoder: None }
     }
 
-    /// Copies parts, which have this number of bytes together, to these offsets in a buffer.
+    /// Records copies of `parts` to a buffer.  `size`: bytes of all parts.  `parts`: the offset in the buffer and the bytes of each.
     pub(super) fn scatter<'b>(
         &mut self,
         label: &str,

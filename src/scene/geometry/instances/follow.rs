@@ -23,8 +23,8 @@ const PART: usize = 1024;
 type Move = (AssetId<Mesh>, Placement);
 
 impl InstancePool {
-    /// Visits those of the instances that have `moved` that are not `due` for another reason.  Returns the instances that are due for a
-    /// complete visit, in the order of their entities.
+    /// Visits the `moved` instances that are not `due` for another reason.  Returns the instances that are due for a complete visit, in the
+    /// order of their entities.
     pub(super) fn follow(
         &mut self,
         mut due: Vec<MainEntity>,
@@ -80,8 +80,8 @@ impl InstancePool {
         true
     }
 
-    /// Visits the instances in these slots, which moved or appeared in the last frame, if they have not been visited yet: they rest now.
-    /// Their lights do not depend on what this changes.
+    /// Visits the instances in these slots, which moved or appeared in the last frame, unless this frame has visited them: they have come to
+    /// rest.  Their lights do not depend on what this changes.
     pub(super) fn settle(&mut self, slots: &[u32]) {
         for &slot in slots {
             let index = slot as usize;

@@ -2,7 +2,7 @@
 //!
 //! The triangles of an emissive mesh are lights with powers by their areas, and the tree over instances that rest is built from corners.  So
 //! emissive meshes have a copy, and so do the smallest others, within a limit.  A mesh without a copy that becomes emissive is read back from
-//! the device; until that has answered, rays find its light by chance only: the picture is noisier, not darker.
+//! the device.  Until the device has answered, only rays that hit the mesh find its light: the picture is noisier, not darker.
 
 #[cfg(feature = "testing")]
 use bevy::app::App;
@@ -61,12 +61,12 @@ struct Readback {
     is_mapped: Arc<OnceLock<bool>>,
 }
 
-/// The copies that are due.  The copies themselves are parts of [`MeshEntry`].
+/// What is known about the copies of all meshes.  The copies themselves are parts of [`MeshEntry`].
 pub(super) struct CornerCopies {
     reading: HashMap<AssetId<Mesh>, Readback>,
     /// Versions of meshes that the device had no memory to read back.
     failed: HashSet<u64>,
-    /// Meshes have come, so that there may be too many copies.
+    /// Meshes have come since the last update, so that there may be too many copies.
     pub(super) has_more: bool,
     /// Copies have come since the last update, so that there are lights to add.
     arrived: bool,
@@ -173,7 +173,7 @@ impl MeshPool {
                 Some(readback) => _ = self.copies.reading.insert(id, readback),
                 None => {
                     warn_once!(
-                        "restir: no memory to read a mesh back that emits light now: its light is noisier, not darker"
+                        "restir: no memory to read back a mesh that now emits light: its light is noisier, not darker"
                     );
                     self.copies.failed.insert(entry.version);
                 }
