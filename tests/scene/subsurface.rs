@@ -182,7 +182,7 @@ fn values_out_of_range_give_one_warning_and_a_sound_picture() {
     log::listen();
     let Some(entity) = check_values(Technique::Reference, -1.0) else { return };
     // The log is that of the process, and an entity of another test may have the same id.
-    let named = log::warnings(&format!("entity {entity} has a Subsurface out of range"));
+    let named = log::warnings(&format!("entity {entity} has a Subsurface with values out of range"));
     let first = named.iter().filter(|line| line.contains("its weight is -1")).count();
     assert_eq!(first, 1, "{named:?}");
 }
