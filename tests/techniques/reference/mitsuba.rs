@@ -241,7 +241,7 @@ fn sky_agrees_with_an_independent_renderer_within_half_a_percent() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn bodies_agree_with_an_integral_over_their_surfaces_within_half_a_percent() {
-    check(Case { tile_floor: 0.03, ..Case::within_half_a_percent("bodies", 512, 0.0) });
+    check(Case { tile_floor: 0.03, ..Case::within_half_a_percent("bodies", 1024, 0.0) });
 }
 
 /// glTF has no area lights: this test adds those of the reference.
