@@ -115,11 +115,17 @@ pub enum DebugView {
     SubsurfaceWeights,
     /// Confidence of the reservoirs of this light, in frames' worth of candidates; black: no light scatters below the surface.
     SubsurfaceConfidence,
-    /// Shift of the stored sample 8 pixels to the right, as the first iteration of reuse would do it.  White: it succeeds.  Red: it is not
-    /// defined there, because the object is another one, no light scatters below the surface, the sample's probe finds nothing, the light
-    /// enters out of reach, or the hybrid shift would choose the other shift.  Blue: the light does not shine on the point where it would
-    /// enter.  Yellow: that point is in shadow.  Black: no sample, or no surface 8 pixels to the right.  Frames do not store which of their
-    /// own shifts fail, so this one is computed for the view: one shift and up to two rays per pixel, which [`Self::Rays`] does not count.
+    /// Shift of the stored sample to the pixel 8 pixels to the right, as the first iteration of reuse would do it:
+    ///
+    /// - white: the shift succeeds;
+    /// - red: the shift is undefined.  That pixel shows another object or a surface without scattering below it, or the probe of the sample
+    ///   hits nothing, or the light enters out of reach, or the hybrid shift chooses the other one of its two shifts;
+    /// - blue: the light does not shine on the point where it would enter;
+    /// - yellow: that point is in shadow;
+    /// - black: there is no sample, or no surface 8 pixels to the right.
+    ///
+    /// Frames do not store which of their own shifts fail, so this one is computed for the view: one shift and up to two rays per pixel,
+    /// which [`Self::Rays`] does not count.
     SubsurfaceShifts,
     /// Light paths that the camera sees in a pixel in this frame: the length of the pixel's list.  Bright pixels have long lists, which
     /// take long.  A light path has one entry for each of its vertices that the camera sees, but at most three; the third one stands for all
